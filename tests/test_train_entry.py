@@ -70,7 +70,7 @@ def test_a_run_leaves_a_network_and_says_what_it_does(place):
 @pytest.fixture(scope="module")
 def general(place):
     """A finished run of two steps."""
-    done = run(place, *SHORT, "training.steps=2", "hydra.run.dir=general")
+    done = run(place, *SHORT, "training.steps=2", "ridge.epsilon_r=0.6", "hydra.run.dir=general")
     assert done.returncode == 0, done.stderr
     return place / "general"
 
@@ -101,6 +101,7 @@ def test_a_run_begins_with_the_weights_of_another(place, general):
     # So slow that the weights stay what they were.
     settings = [word for word in SHORT if not word.startswith("model")]  # the checkpoint says which model it is
     settings += ["training.steps=2", "training.start=general/best", "training.lr=1e-12", "hydra.run.dir=special"]
+    settings += ["++ridge.sharpness=4"]
     second = run(place, *settings)
     assert second.returncode == 0, second.stderr
     runs = general, place / "special"
@@ -109,7 +110,9 @@ def test_a_run_begins_with_the_weights_of_another(place, general):
     for name, weight in special.items():
         torch.testing.assert_close(weight, old[name], atol=1e-6, rtol=0)
     assert any((fresh[name] - weight).abs().max() > 1e-4 for name, weight in old.items())
-    assert read_meta(place / "special" / "best")["config"]["training"]["start"] == "general/best"
+    begun = read_meta(place / "special" / "best")["config"]
+    assert begun["training"]["start"] == "general/best"
+    assert begun["ridge"] == {"epsilon_r": 0.6, "edge_threshold_m": 0.08, "sharpness": 4}  # what was not said otherwise
 
 
 def test_a_torn_shard_in_the_middle_of_a_training_is_named(place):

@@ -79,7 +79,7 @@ class AugmentConfig:
     def __post_init__(self) -> None:
         highest = {"mirror": 1, "rotation_deg": 180, "any_rotation": 1, "scale": 0.99, "jitter_m": 0.5, "occluder": 1}
         for name, high in highest.items():
-            check_between(f"training.augment.{name}", getattr(self, name), 0, high)
+            check_between(f"augment.{name}", getattr(self, name), 0, high)
 
 
 class Batch(NamedTuple):

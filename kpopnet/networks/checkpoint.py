@@ -92,12 +92,27 @@ def resumable(run: Path) -> Path | None:
     return next((place for place in (run / "last", run / "best", *checkpoints) if (place / META).is_file()), None)
 
 
-def complete_links(run: Path, checkpoint: Path) -> None:
-    """Makes the links `last` and `best` that a run killed during its first save lacks, to the checkpoint that it resumes."""
-    if checkpoint.resolve().parent == (run / "checkpoints").resolve():
-        for link in ("best", "last"):
-            if not (run / link).exists():
-                _move_link(run / link, checkpoint.resolve())
+def complete_links(run: Path, checkpoint: Path) -> bool:
+    """Makes the links `last` and `best` that a run killed during its first save lacks, to the checkpoint that it resumes.
+
+    Returns whether the checkpoint is this run's; if not, nothing is done.
+    """
+    if checkpoint.resolve().parent != (run / "checkpoints").resolve():
+        return False
+    for link in ("best", "last"):
+        if not (run / link).exists():
+            _move_link(run / link, checkpoint.resolve())
+    return True
+
+
+def refuse_copied_links(run: Path) -> None:
+    """Raises InputError where a run has folders in the place of its links, as copies have that follow links."""
+    for link in (run / "last", run / "best"):
+        if (run / "checkpoints").is_dir() and link.is_dir() and not link.is_symlink():
+            raise InputError(
+                f"{link}: a folder where a run has a link to one of its checkpoints; copy runs with their links, as rsync -a "
+                f"does, or make it again: rm -r {link}; ln -s checkpoints/STEP {link}"
+            )
 
 
 def _linked(run: Path) -> set[Path]:

@@ -38,9 +38,10 @@ from kpopnet.data.made_sets import check_others
 from kpopnet.data.observation import JoinedSources, ObservationSource
 from kpopnet.data.person_crops import PersonCrops
 from kpopnet.data.shards import ShardedSet
-from kpopnet.errors import check_between, check_seed
+from kpopnet.errors import InputError, check_between, check_seed
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import read_meta, run_folder
+from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.hydra_app import OutputFolder, command_line_settings, entry_point, register_choices, resumed_config
@@ -99,7 +100,12 @@ class ObservationConfig:
         check_between("crops_repeated", self.crops_repeated, 1, 1e6)
 
     def observed(self) -> tuple[ObservationSource, ObservationSource, dict[str, dict]]:
-        """What to learn from and to validate with, and what identifies the sets; raises InputError if a folder holds none."""
+        """What to learn from and to validate with, and what identifies the sets.
+
+        Raises InputError if a folder holds none, or both are the same.
+        """
+        if Path(self.data.train).resolve() == Path(self.data.validation).resolve():
+            raise InputError(f"data.validation={self.data.validation}: trained on too; choose a checkpoint on other people")
         log.info(f"reading {self.data.train} and {self.data.validation}")
         sets = {name: ShardedSet(folder) for name, folder in asdict(self.data).items()}
         sources: dict[str, ObservationSource] = {
@@ -168,13 +174,18 @@ class TrainingFolder(OutputFolder):
         refuse_other_run(folder, config.training.resume)
 
 
-def model_to_start_from(config: NetworkTrainingConfig) -> ModelConfig:
-    """The model of the checkpoint `training.start`, whose weights fit it, with what the command line says otherwise."""
-    given = {
-        name.removeprefix("model").removeprefix(".") or "kind" for name in command_line_settings() if name.startswith("model")
-    }
-    chosen = {name: getattr(config.model, name) for name in given}
-    return ModelConfig(**(read_meta(config.training.start)["model"] | chosen))
+def as_started_from(config: NetworkTrainingConfig) -> NetworkTrainingConfig:
+    """With the model and ridge image of the checkpoint `training.start`, but for what the command line says otherwise."""
+    meta, given = read_meta(config.training.start), command_line_settings()
+    model, ridge = (
+        {name.removeprefix(f"{part}.") for name in given if name.startswith(f"{part}.")} for part in ("model", "ridge")
+    )
+    model |= {"kind"} if "model" in given else set()
+    return replace(
+        config,
+        model=ModelConfig(**(meta["model"] | {name: getattr(config.model, name) for name in model})),
+        ridge=RidgeConfig(**(meta["config"].get("ridge", {}) | {name: getattr(config.ridge, name) for name in ridge})),
+    )
 
 
 def run_network_training(config: NetworkTrainingConfig) -> None:
@@ -182,7 +193,7 @@ def run_network_training(config: NetworkTrainingConfig) -> None:
         saved = read_meta(config.training.resume)["config"]
         config = resumed_config(config, saved, may_change=("training.resume", "data.", "crops", "device", "workers", "threads"))
     elif config.training.start is not None:
-        config = replace(config, model=model_to_start_from(config))
+        config = as_started_from(config)
     source, validation, data = config.observed()
     train(config, source, validation, Path(HydraConfig.get().runtime.output_dir), data)
 

@@ -148,7 +148,7 @@ class OutputFolder(Callback):
 
 def command_line_settings() -> list[str]:
     """The names that the command line sets, in a running program."""
-    return [override.split("=")[0] for override in HydraConfig.get().overrides.task]
+    return [override.split("=")[0].lstrip("+~") for override in HydraConfig.get().overrides.task]
 
 
 _group_texts: dict[str, str] = {}

@@ -64,6 +64,8 @@ def join_processes(device: str) -> Iterator[Processes]:
         return
     here = torch.device(kind, int(os.environ["LOCAL_RANK"])) if kind == "cuda" else torch.device("cpu")
     if kind == "cuda":
+        if (gpus := torch.cuda.device_count()) <= here.index:
+            raise InputError(f"more processes than GPUs: give torchrun --nproc-per-node={gpus}, or device=cpu")
         torch.cuda.set_device(here)
     # The other processes wait while rank 0 validates, hence the long timeout.
     distributed.init_process_group("nccl" if kind == "cuda" else "gloo", timeout=timedelta(hours=1))

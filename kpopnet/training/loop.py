@@ -34,7 +34,15 @@ from kpopnet.data.batches import (
 from kpopnet.data.observation import ObservationSource
 from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import complete_links, load_state, load_weights, read_meta, resumable, save_checkpoint
+from kpopnet.networks.checkpoint import (
+    complete_links,
+    load_state,
+    load_weights,
+    read_meta,
+    refuse_copied_links,
+    resumable,
+    save_checkpoint,
+)
 from kpopnet.networks.network import PoseNetwork, build_network
 from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.atomic_write import naming
@@ -282,9 +290,14 @@ class Run:
 
 
 def refuse_other_run(folder: Path, resume: str | None) -> None:
-    """Refuses a folder that holds a run other than the one that is resumed: its checkpoints would be removed."""
+    """Refuses a folder that holds a run other than the one that is resumed: its checkpoints would be removed.
+
+    And a copy of a run with copies of its links: it would resume from the same checkpoint for ever.
+    """
     if resume is not None:
         read_meta(resume)
+        refuse_copied_links(folder)
+        refuse_copied_links(Path(resume).parent)
     found = resumable(folder)
     if found is None or (resume is not None and (folder / "checkpoints").resolve() in Path(resume).resolve().parents):
         return
@@ -336,8 +349,8 @@ def train(
                 f"steps {run.step:,} to {training.steps:,} of {training.batch_size} samples, lr up to {training.lr:g}\n"
                 f"into {out}; watch with: tensorboard --logdir {out}"
             )
-            if training.resume is not None:
-                complete_links(out, Path(training.resume))
+            if training.resume is not None and not complete_links(out, Path(training.resume)):
+                run.best_cm = math.inf  # the best checkpoint stayed in the other folder
             sets = {px: validation_batches(config, validation, px) for px in batches.sizes()}
             described = {"config": asdict(config), "data": data}
             _update_and_validate(run, loader, lambda step: sets[batches.crop_px(step)], out, described)

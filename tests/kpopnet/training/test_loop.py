@@ -1,6 +1,7 @@
 """The training loop learns, resumes bit for bit, stops before a non-finite update, and gives the same on several processes."""
 
 import math
+import shutil
 from contextlib import nullcontext
 from dataclasses import replace
 
@@ -194,6 +195,31 @@ def test_a_folder_keeps_its_run_and_resuming_refuses_a_finished_one_and_another_
         run_short(tmp_path, replace(SHORT, steps=8, resume=last), replace(MODEL, widths=[8, 8, 16, 24]))
     with pytest.raises(InputError, match=r"was trained on other data \(None\) than the given data \(.*b.*\)"):
         train(short_run(replace(SHORT, steps=8, resume=last)), PEOPLE, OTHERS, tmp_path, {"train": "b"})
+
+
+def test_a_run_that_goes_on_in_another_folder_has_its_own_best_and_a_copy_of_its_links_is_refused(tmp_path):
+    run_short(tmp_path / "first")
+    for path in (tmp_path / "first/last/meta.json", tmp_path / "first/best/meta.json"):
+        path.write_text(path.read_text().replace('"steps": 6', '"steps": 8'))
+    state_path = tmp_path / "first/last/state.pt"
+    state = torch.load(state_path, weights_only=True)
+    torch.save(state | {"best_cm": 0.1}, state_path)  # nothing after it is better
+    resumed = replace(SHORT, steps=8, resume=str(tmp_path / "first/last"))
+    run_short(tmp_path / "second", resumed)
+    assert read_meta(tmp_path / "second/best")["step"] == read_meta(tmp_path / "second/last")["step"] == 8
+    shutil.copytree(tmp_path / "first", tmp_path / "copied")  # with folders in the place of its links
+    for resume, out in (("last", "third"), ("checkpoints/step_00000006", "copied")):
+        with pytest.raises(InputError, match="copied/last: a folder where a run has a link"):
+            run_short(tmp_path / out, replace(resumed, resume=str(tmp_path / "copied" / resume)))
+
+
+def test_more_processes_than_gpus_are_refused(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
+    for name, value in (("WORLD_SIZE", "2"), ("LOCAL_RANK", "1")):
+        monkeypatch.setenv(name, value)
+    with pytest.raises(InputError, match=r"more processes than GPUs: .*--nproc-per-node=1"), join_processes("auto"):
+        pass
 
 
 def test_invalid_settings_are_refused_by_name():
