@@ -188,31 +188,32 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
     return {given.title or path.stem: read_strangers_group(given.files, given.fps, given.joint_map)}
 
 
-def add_own(given: argparse.Namespace, library: Library) -> None:
-    """Adds them, each in the part that was asked for."""
+def add_own(given: argparse.Namespace) -> None:
+    """Adds them to the library, each in the part that was asked for."""
     if not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
     check_grading(given)
-    for title, dancers in own_dances(given).items():
-        origin_s = max(float(one.times_s[0]) for one in dancers)  # of a group's common clock: from here on all are recorded
-        parts = [part_of(one, given.from_s, given.to_s, origin_s, str(given.files[0])) for one in dancers]
-        about = title[:MOST_LETTERS], given.bpm, given.free, dict(given.weights)
-        identity = add_group(library, parts, str(given.files[0]), *about)
-        print(f"added {about[0]} as {identity}; kpopnet teach shows it")
+    dances = own_dances(given)
+    with locked(given.data):
+        library = made_library(given.data)
+        for title, dancers in dances.items():
+            origin_s = max(float(one.times_s[0]) for one in dancers)  # of a group's common clock: from here on all are recorded
+            parts = [part_of(one, given.from_s, given.to_s, origin_s, str(given.files[0])) for one in dancers]
+            about = title[:MOST_LETTERS], given.bpm, given.free, dict(given.weights)
+            identity = add_group(library, parts, str(given.files[0]), *about)
+            print(f"added {about[0]} as {identity}; kpopnet teach shows it")
 
 
-def serve(given: argparse.Namespace, library: Library, opened: str | None) -> None:
-    """Serves the page until the program is interrupted; `opened` is by what name lessons open the live camera."""
-    from kpopnet.teacher.hosting import host
-    from kpopnet.teacher.server import PROCESSES, Teaching, make_app
-    from kpopnet.teacher.tries import Tries
-    from synth.dances.live import FAULTS, SKILLS
+def checked_sources(given: argparse.Namespace) -> tuple[dict[str, str | Said], Callable[[], DepthSource] | None]:
+    """What may watch a learner, by what it is called on the page, and what opens the recording of --depth, if there is one.
 
+    Raises InputError here, in the terminal, for what would fail in the page.
+    """
+    check_server("kpopnet teach", given.port)
     if given.depth is None:
         names = OF_RECORDINGS if given.live is not None else (*OF_RECORDINGS, "rotate")
         check_not_given(given, names, "for the recording of --depth")
     sources, open_recording = {SIMULATED: "a simulated learner", WEBCAM: DESCRIPTION}, None
-    # Mistakes are reported here, not in the page.
     if given.depth is not None:
         open_recording = opener(given.depth, given, in_child=False)  # it must begin at once
         open_recording()
@@ -221,14 +222,28 @@ def serve(given: argparse.Namespace, library: Library, opened: str | None) -> No
         sources = {given.live: check_live(given.live, "--live")} | sources
     if given.checkpoint is not None:
         load_estimator(given.checkpoint)
-    live = {given.live: opened} if opened else {}
-    open_camera = partial(open_source, open_recording, live=live, rotate_deg=given.rotate)
-    teaching = Teaching(library, Tries(given.data / "tries"), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
+    return sources, open_recording
 
-    async def keep_ready(app) -> None:
-        app[PROCESSES].keep_ready()
 
-    host(partial(make_app, teaching), given, "dance at", keep_ready)
+def serve(given: argparse.Namespace) -> None:
+    """Serves the page until the program is interrupted."""
+    from kpopnet.teacher.hosting import host
+    from kpopnet.teacher.server import PROCESSES, Teaching, make_app
+    from kpopnet.teacher.tries import Tries
+    from synth.dances.live import FAULTS, SKILLS
+
+    sources, open_recording = checked_sources(given)
+    with locked(given.data):
+        library = made_library(given.data)
+    with shared_live(given.live) as opened:
+        live = {given.live: opened} if opened else {}
+        open_camera = partial(open_source, open_recording, live=live, rotate_deg=given.rotate)
+        teaching = Teaching(library, Tries(given.data / "tries"), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
+
+        async def keep_ready(app) -> None:
+            app[PROCESSES].keep_ready()
+
+        host(partial(make_app, teaching), given, "dance at", keep_ready)
 
 
 def parsed() -> argparse.Namespace:
@@ -261,14 +276,9 @@ def parsed() -> argparse.Namespace:
 def main() -> None:
     given = parsed()
     if given.add is None:
-        check_server("kpopnet teach", given.port)
-    with locked(given.data):
-        library = made_library(given.data)
-        if given.add is not None:
-            add_own(given, library)
-            return
-    with shared_live(given.live) as opened:
-        serve(given, library, opened)
+        serve(given)
+    else:
+        add_own(given)
 
 
 if __name__ == "__main__":

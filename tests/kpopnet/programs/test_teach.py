@@ -127,12 +127,13 @@ MISTAKES = {
 }
 
 
-def test_a_mistake_is_one_line(run, capsys):
+def test_a_mistake_is_one_line_before_dances_are_made(run, capsys, tmp_path):
     for words, told in MISTAKES.items():
         with pytest.raises(SystemExit) as ended:
             run(*words)
         error = capsys.readouterr().err.splitlines()[-1]
         assert ended.value.code == 1 and error.startswith("error: ") and told in error, words
+    assert not (tmp_path / "teach").exists()
 
 
 def test_without_its_server_library_it_says_what_to_install(run, capsys, monkeypatch):
