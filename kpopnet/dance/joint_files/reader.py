@@ -141,7 +141,8 @@ def _read_npz(path: Path, fps: float | None) -> NamedPoints | Performance:
         times_s = frame_times_s(len(joints_m), times_s, stated_fps, fps, source)
         return checked_performance(joints_m, times_s, confidence, source)
     if "poses" in found:
-        return amass.smpl_points(found, source)
+        posed = amass.smpl_points(found, source)
+        return posed._replace(times_s=times_s, fps=stated_fps if posed.fps is None else posed.fps)
     name = next((name for name in ("keypoints3d_optim", "keypoints3d", "points") if name in found), None)
     if name is None:
         raise InputError(f"{source}: expected an array joints_m, keypoints3d, poses, or points with names")

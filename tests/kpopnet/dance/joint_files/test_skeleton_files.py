@@ -106,7 +106,7 @@ def write_amass(path, motion, width, **others):
         "betas": np.zeros(16),
         "gender": "male",
     }
-    np.savez(path, **arrays | others)
+    np.savez(path, **{name: value for name, value in (arrays | others).items() if value is not None})
     return path
 
 
@@ -121,9 +121,16 @@ SMPL_PARENTS = {
 """SMPL's tree in its order, by our names."""
 
 
-@pytest.mark.parametrize("width", [72, 165])
-def test_an_smpl_motion_is_danced_by_the_mean_adult(tmp_path, width):
-    read = read_performance(write_amass(tmp_path / "a.npz", DANCE, width))
+@pytest.mark.parametrize(
+    ("width", "others"),
+    [
+        (72, {}),
+        (165, {"mocap_framerate": None, "fps": 30.0}),
+        (66, {"mocap_framerate": None, "times_s": np.arange(len(DANCE)) / 30}),
+    ],
+)
+def test_an_smpl_motion_is_danced_by_the_mean_adult(tmp_path, width, others):
+    read = read_performance(write_amass(tmp_path / "a.npz", DANCE, width, **others))
     at = on_the_mean_adult(DANCE, SMPL_PARENTS.values(), SMPL_PARENTS)
     assert_joints_lie_at(read, at)
     np.testing.assert_allclose(read.times_s, np.arange(len(DANCE)) / 30)
