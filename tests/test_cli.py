@@ -37,6 +37,7 @@ def test_every_program_answers_help_and_describes_its_settings(name):
     [
         (["dance"], 2, "there is no program dance; there are generate, train"),
         (["generate", "splits.train=many"], 1, "splits.train"),
+        (["evaluate", "estimator=[realtim]"], 1, "error: estimator=realtim: expected one of best, fitted_network, "),
     ],
 )
 def test_a_mistake_is_one_line(words, code, message):

@@ -22,6 +22,7 @@ import hydra
 from hydra.conf import HydraConf
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
+from hydra.errors import MissingConfigException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -84,11 +85,21 @@ def entry_point(
                     job()
                 print(with_comments(printed.getvalue(), settings(schema) | _group_texts))
                 return
-            job()
+            try:
+                job()
+            except MissingConfigException as error:
+                raise _unknown_choice(error, configs_folder() / folder) from error
 
         return program
 
     return decorate
+
+
+def _unknown_choice(error: MissingConfigException, folder: Path) -> Exception:
+    """What can be chosen instead, in the place of Hydra's list of folders."""
+    group, _, name = (error.missing_cfg_file or "").removesuffix(".yaml").rpartition("/")
+    known = sorted(path.stem for path in (folder / group).glob("*.yaml"))
+    return InputError(f"{group}={name}: expected one of {', '.join(known)}") if group and known else error
 
 
 def _config_name(given: list[str], schemas: Mapping[str, Any]) -> str:
