@@ -92,17 +92,22 @@ def frame_distance(learner, i, teacher, j, outlier):
 def constant_delay(distances, penalty):
     """The column of the least mean distance plus `penalty` (radians) per frame of delay, where a stretch of frames fits best.
 
-    Infinite entries of the (n, 2 * band + 1) `banded_distances` are ignored. The result is `band`, no delay, if fewer than
-    n / 2 entries of every column are finite.
+    Of each row counts what exceeds its least, so that a frame which fits nothing, or is not compared, speaks for no column:
+    infinite entries of the (n, 2 * band + 1) `banded_distances` are ignored, and the first frames have them where the delay is
+    great. The result is `band`, no delay, if fewer than n / 2 entries of every column are finite.
     """
     n, columns = distances.shape
     band = columns // 2
     best, least_cost = band, np.inf
+    least = np.full(n, np.inf)
+    for i in range(n):
+        for k in range(columns):
+            least[i] = min(least[i], distances[i, k])
     for k in range(columns):
         total, count = 0.0, 0
         for i in range(n):
             if distances[i, k] < np.inf:
-                total += distances[i, k]
+                total += distances[i, k] - least[i]
                 count += 1
         if 2 * count >= n:
             cost = total / count + penalty * abs(k - band)

@@ -37,6 +37,18 @@ def test_what_is_danced_in_a_free_part_costs_nothing_and_is_not_spoken_of(scorer
         assert not feedback(free).moments and feedback(whole).moments
 
 
+@pytest.mark.parametrize("dance", [0, 2, 4])
+def test_a_copy_is_not_late_where_its_begin_is_free_or_shown_by_nobody(dance):
+    joints_m = dance_joints_m(dance, 12.0)
+    hidden_m = joints_m.copy()
+    hidden_m[:40] = np.nan
+    assert score_dance(performed(joints_m), performed(joints_m), free_s=[(0.0, 3.0)]).similarity > 99
+    for teacher_m, learner_m in ((hidden_m, hidden_m), (hidden_m, joints_m)):
+        assert score_dance(performed(teacher_m), performed(learner_m)).similarity > 99
+    joins_late = score_dance(performed(joints_m), performed(hidden_m)).windows
+    assert joins_late.similarity[joins_late.start_s >= 40 / FPS].min() > 99
+
+
 def test_where_a_free_part_is_danced_and_to_which_beat_is_not_graded():
     teacher_m, learner_m = otherwise(lambda joints_m: joints_m + np.array([1.4, 0, 0]))
     score = score_dance(performed(teacher_m), performed(learner_m), free_s=[FREE_S])
