@@ -26,6 +26,7 @@ from kpopnet.dance.features import FEATURES, Features
 from kpopnet.dance.window import (
     BAND_FRAMES,
     FPS,
+    PARTS,
     WINDOW_FRAMES,
     WINDOW_S,
     WindowScore,
@@ -89,7 +90,7 @@ class PaperTeacher:
     def window(self, distances: np.ndarray, learner: Features, start: int, confidence: np.ndarray) -> WindowScore:
         """Scores a window of n frames, see `kpopnet.dance.parts.PartTeacher.window`."""
         parts, frames = part_of_angles(self.scorer.feature), len(learner.angles_rad)
-        nothing = nothing_seen(self.features, parts, start)._replace(posture=math.nan)
+        nothing = nothing_seen(self.features, parts, start)._replace(posture=math.nan, parts=np.full(len(PARTS), np.nan))
         if not learner.confidence.any():
             return nothing
         if self.scorer.as_printed:
@@ -104,8 +105,9 @@ class PaperTeacher:
         # The summand of Eq. (14), of the body and of each part, whose distance is scaled to be comparable with the body's.
         body, of_parts = (np.exp(-np.sqrt(one) / self.scorer.beta) for one in (of_body, squared * angles / or_nan(present)))
         pairs = np.column_stack([body, np.isfinite(body), of_parts])
-        # T_l - T_t of Eq. (13): between the middles of the window and of the matched stretch.
-        delay_s = (BAND_FRAMES + (frames - 1 - path[0].sum() - path[-1].sum()) / 2) / FPS
+        # T_l - T_t of Eq. (13): between the middles of the window and of the matched stretch, without frames that miss joints.
+        compared = path[np.isfinite(body)] if np.isfinite(body).any() else path
+        delay_s = (BAND_FRAMES - (compared[0, 1] + compared[-1, 1]) / 2) / FPS
         timing = 100 * timing_similarity(delay_s, self.scorer.alpha, self.scorer.tau)
         score = window_score(pairs, on_path, path, parts, WINDOW_FRAMES, delay_s, timing)
         return score._replace(posture=math.nan) if math.isnan(score.delay_s) else score

@@ -102,6 +102,13 @@ def test_the_papers_scorer_leaves_out_what_is_missing():
     learner_m[100:190] = np.nan
     score = score_dance(performed(joints_m), performed(learner_m), paper)
     assert 0.5 < score.scored < 1 and score.similarity > 85
+    learner_m = joints_m.copy()
+    learner_m[np.arange(len(joints_m)) % 60 < 30] = np.nan
+    gaps = score_dance(performed(joints_m), performed(learner_m), paper)
+    assert gaps.similarity > 85 and np.nanmax(abs(gaps.windows.delay_s)) < 0.1
+    learner_m = joints_m.copy()
+    learner_m[len(joints_m) // 2 :] = np.nan
+    assert min(score_dance(performed(joints_m), performed(learner_m), paper).parts.values()) > 85
     lost = performed(np.full_like(joints_m, np.nan))
     unobserved = score_dance(performed(joints_m), lost, paper, unobserved_is_nan=True)
     assert unobserved.scored == 0 and math.isnan(unobserved.similarity)
