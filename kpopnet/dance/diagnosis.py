@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.dtw import banded_distances
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import MAX_DURATION_S, Performance
 from kpopnet.dance.scoring import DanceScore, Scorer, Stretches, TimeGrid, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.errors import InputError
@@ -120,11 +120,16 @@ def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Perfo
 
 
 def diagnose(
-    teacher: Performance, learner: Performance, scorer: Scorer, as_is: bool = False, free_s: Stretches = ()
+    teacher: Performance,
+    learner: Performance,
+    scorer: Scorer,
+    as_is: bool = False,
+    free_s: Stretches = (),
+    late_s: float = 0.0,
 ) -> Diagnosis:
     """What is probably wrong with the recordings of two dances, and the dances without what is surely wrong, unless `as_is`.
 
-    The stretches `free_s` are not compared, as in `score_dance`.
+    The stretches `free_s` are not compared, as in `score_dance`. The learner's times were set back by `late_s` already.
     """
     wrong = {name: knees_bend_backwards(one) for name, one in (("teacher", teacher), ("learner", learner))}
     if all(wrong.values()):
@@ -149,7 +154,7 @@ def diagnose(
     without_sure = _score(teacher, learner, best.sure, scorer, free_s)
     corrects = not as_is and _gains(plain, without_sure, SURE_GAIN) and _losing(plain, without_sure) <= LOSING
     rest, now = (best.rest, without_sure) if corrects else (best, plain)
-    told = _descriptions(rest, teacher, learner) if _gains(now, fitted, MIN_GAIN) else ()
+    told = _descriptions(rest, teacher, learner, late_s) if _gains(now, fitted, MIN_GAIN) else ()
     faults = [RecordingFault(text, _similarity(fitted), about) for about, text in told]
     if not corrects:
         return Diagnosis(teacher, learner, faults)
@@ -207,7 +212,8 @@ def _guesses(wrong: dict[str, bool], teacher: Performance, learner: Performance)
         yield plain._replace(learner="mirrored")
     learner_fps, teacher_fps = _fps(learner), _fps(teacher)
     rates = {round(learner_fps / fps, 3) for fps in COMMON_FPS} | {round(fps / teacher_fps, 3) for fps in COMMON_FPS}
-    yield from (plain._replace(rate=rate) for rate in sorted(rates) if 0.2 <= rate <= 5 and abs(rate - 1) > 0.01)
+    most = min(5, MAX_DURATION_S / max(float(np.ptp(learner.times_s)), 1.0))
+    yield from (plain._replace(rate=rate) for rate in sorted(rates) if 0.2 <= rate <= most and abs(rate - 1) > 0.01)
 
 
 def _fps(performance: Performance) -> float:
@@ -249,8 +255,8 @@ def _score(
         return None
 
 
-def _descriptions(guess: Correction, teacher: Performance, learner: Performance) -> Iterator[tuple[str, str]]:
-    """The faults of a guess: what each is about, and its text."""
+def _descriptions(guess: Correction, teacher: Performance, learner: Performance, late_s: float) -> Iterator[tuple[str, str]]:
+    """The faults of a guess: what each is about, and its text; the learner's times were set back by `late_s` already."""
     causes = {
         "mirrored": (
             "mirror",
@@ -289,6 +295,6 @@ def _descriptions(guess: Correction, teacher: Performance, learner: Performance)
                 "at different instants of the music, or the set-up has a latency. To correct it: {option}",
                 seconds=f"{abs(guess.late_s):.2f}",
                 word=Said("late" if guess.late_s > 0 else "early"),
-                option=f"--late {guess.late_s:.2f}",
+                option=f"--late {late_s + guess.late_s:.2f}",
             ),
         )

@@ -92,7 +92,7 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     unseen, danced_s = list(_unseen(score)), span(score, slice(None))
     first, middle = float(score.windows.start_s[0]), score.windows.middle_s
     phrase_s = 8 * beat_s if beat_s else PHRASE_S
-    count = math.ceil((middle[-1] + score.scorer.hop_s / 2 - first) / phrase_s)
+    count = math.floor((middle[-1] - first) / phrase_s) + 1
     phrases_s = [(first + number * phrase_s, first + (number + 1) * phrase_s) for number in range(count)]
     moments, phrases = _moments(score, phrases_s, beat_s), []
     for start_s, end_s in phrases_s:
@@ -182,6 +182,8 @@ def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
     """What concerns the whole dance: what it is about, as `kpopnet.dance.diagnosis.RecordingFault`, and it in words."""
     if score.mirror_fits_better and not score.mirrored:
         yield "mirror", "the mirror image fits much better: did the learner mirror the teacher?"
+    if score.mirrored:
+        yield "mirrored", "compared as in a mirror: left and right are as the teacher has them"
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
         text = "{percent}% too fast throughout" if score.tempo > 1 else "{percent}% too slow throughout"
         yield "tempo", Said(text, percent=f"{100 * abs(score.tempo - 1):.0f}")

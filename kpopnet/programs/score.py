@@ -97,7 +97,7 @@ def main() -> None:
     learner = delayed(
         read_observed(given.learner, given.learner_fps, given.joint_map, given.correct_learner, given.scorer), given.late
     )
-    diagnosis = diagnose(teacher, learner, scorer, given.as_is, given.free)
+    diagnosis = diagnose(teacher, learner, scorer, given.as_is, given.free, given.late)
     diagnosis.faults[:0] = other_formats(given.teacher, given.learner)
     teacher, learner = diagnosis.teacher, diagnosis.learner
     score = score_dance(teacher, learner, scorer, free_s=given.free)

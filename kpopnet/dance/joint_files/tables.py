@@ -82,9 +82,12 @@ def _long_points(rows: list[tuple[int, list[str]]], places: dict[str, int], widt
 
 
 def _with_those_between(frames: dict[str, dict], path: Path) -> dict[str, dict]:
-    """Frames by their numbers, with those between that have no line, since nobody was found in them."""
+    """Frames by their numbers, with those before and between that have no line, since nobody was found in them.
+
+    They count from 0, or where no frame has that number, from 1.
+    """
     by_number = {int(number): frame for number, frame in frames.items()}
-    first, last = min(by_number), max(by_number)
+    first, last = min(*by_number, 1), max(by_number)
     check_budget(path, (last - first + 1) * 33 * 32, f"frames {first} to {last} of 33 points")
     return {str(number): by_number.get(number, {"joints": {}}) for number in range(first, last + 1)}
 

@@ -1,5 +1,6 @@
 """The score of one dance as lines of text and as JSON."""
 
+import math
 from typing import Any
 
 from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
@@ -26,7 +27,7 @@ def score_text(score: DanceScore, told: Feedback, notes: list[str], beat_s: floa
         Said(
             "similarity {similarity}, timing {timing}, posture {posture} of 100",
             similarity=f"{score.similarity:.0f}{uncertain}",
-            timing=f"{score.timing:.0f}",
+            timing="–" if math.isnan(score.timing) else f"{score.timing:.0f}",
             posture=f"{score.posture:.0f}",
         ),
         Said("parts: {parts}", parts=[_part(name, value, score.coverage[name]) for name, value in score.parts.items()]),

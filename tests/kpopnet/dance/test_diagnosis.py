@@ -97,6 +97,11 @@ def test_where_nothing_is_to_be_corrected_faults_are_named_with_the_option_that_
     assert "recorded at 30 frames a second, not 37.5" in tempo.text
 
 
+def test_a_practice_of_half_an_hour_is_diagnosed():
+    long = np.concatenate([LEARNER.joints_m[::2], np.repeat(LEARNER.joints_m[-1:], 15 * 31 * 60, axis=0)])
+    assert diagnose(TEACHER, Performance(long, np.arange(len(long)) / 15), CONFIG).correction is None
+
+
 @pytest.mark.parametrize("correction", ["swapped", "reflected"])
 def test_a_teachers_fault_is_the_teachers_and_one_of_both_is_told(correction):
     wrong = corrected(TEACHER, correction)

@@ -10,6 +10,7 @@ from dance_people import FPS, dance_joints_m, mirrored, noisy, performed
 
 from kpopnet.dance.feedback import MOMENTS_PER_PHRASE, feedback
 from kpopnet.dance.online import OnlineScorer
+from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.skeleton import Joint
@@ -162,11 +163,19 @@ def test_the_set_ups_faults_are_hinted_at():
         return feedback(score_dance(performed(TEACHER_M), learner)).hints
 
     assert "mirror image" in hints(mirrored(TEACHER_M))[0]
+    in_a_mirror = score_dance(performed(TEACHER_M), performed(mirrored(TEACHER_M)), PartScorer(mirrored="auto"))
+    assert "left and right are as the teacher has them" in feedback(in_a_mirror).hints[0]
     assert any("10% too fast" in hint for hint in hints(TEACHER_M, 1.1))
     assert hints(hidden(TEACHER_M, 5, 9)) == ("no person in the picture from 0:05 to 0:09",)
     arms = [joint for arm in ARMS.values() for joint in arm[1:]]
     assert hints(hidden(TEACHER_M, 5, 9, arms)) == ("arms out of the picture from 0:05 to 0:09",)
     assert hints(hidden(TEACHER_M, 0, 16, [Joint.LEFT_FOOT])) == ("left leg out of the picture from 0:01 to 0:15",)
+
+
+@pytest.mark.parametrize("seconds", [8.9, 9.2, 9.6])
+def test_every_phrase_has_a_window(seconds):
+    copy = performed(dance_joints_m(2, seconds))
+    assert all(one.similarity is not None for one in feedback(score_dance(copy, copy)).phrases)
 
 
 def test_during_the_dance_the_feedback_on_a_phrase_is_that_of_afterwards():

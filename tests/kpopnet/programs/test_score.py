@@ -110,6 +110,7 @@ def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(fil
     assert "learner dances mirrored" in page_hints(tmp_path / "out")[0]
     again = run(*words, *(word for option in options for word in option.replace("(", " ").split()))
     assert "warning" not in again and int(re.search(r"similarity (\d+)", again)[1]) >= 95
+    assert options[1] in run(*words, "--late", "0.3")  # the whole delay, not what is left of it
 
 
 def test_score_and_page_are_in_the_language_that_is_asked_for(files, run, tmp_path):

@@ -143,12 +143,13 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path):
         assert read.times_s[2] == pytest.approx(0.08) and read.confidence[2, Joint.LEFT_KNEE] == 0.8
     by_number = ["frame,landmark,x,y,z,world_x,world_y,world_z"]
     for number, points in enumerate(mediapipe().tolist()):
-        lines = [f"{100 + number},{index},0.5,0.5,0,{x},{y},{z}" for index, (x, y, z) in enumerate(points)]
+        lines = [f"{20 + number},{index},0.5,0.5,0,{x},{y},{z}" for index, (x, y, z) in enumerate(points)]
         by_number += lines if number != 2 else []  # nobody was found in it
     (tmp_path / "c.csv").write_text("\n".join(by_number))
     read = read_performance(tmp_path / "c.csv", 25)
-    np.testing.assert_allclose(read.joints_m[3], expected[3], atol=1e-5)
-    assert np.isnan(read.joints_m[2]).all() and read.times_s[3] == pytest.approx(0.12)
+    np.testing.assert_allclose(read.joints_m[22], expected[3], atol=1e-5)  # frames count from 1 where none is 0
+    unseen = np.isnan(read.joints_m).all(axis=(1, 2))
+    assert np.flatnonzero(unseen).tolist() == [*range(19), 21] and read.times_s[22] == pytest.approx(0.88)
 
 
 def test_a_given_frame_rate_overrides_the_files(tmp_path):
