@@ -49,7 +49,7 @@ from kpopnet.runtime.input_files import expect
 from kpopnet.sources.live import LIVE_CAMERAS, check_live, open_live, shared_live
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
 from kpopnet.teacher.adding import add_group, holds_depth, kpop_teachers, part_of
-from kpopnet.teacher.library import Library, TaughtDance, TeacherBody, taught_dance
+from kpopnet.teacher.library import TRIES, Library, TaughtDance, TeacherBody, taught_dance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import load_estimator
 from kpopnet.teacher.live.webcam import DESCRIPTION, WEBCAM
@@ -238,7 +238,7 @@ def serve(given: argparse.Namespace) -> None:
     with shared_live(given.live) as opened:
         live = {given.live: opened} if opened else {}
         open_camera = partial(open_source, open_recording, live=live, rotate_deg=given.rotate)
-        teaching = Teaching(library, Tries(given.data / "tries"), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
+        teaching = Teaching(library, Tries(given.data / TRIES), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
 
         async def keep_ready(app) -> None:
             app[PROCESSES].keep_ready()

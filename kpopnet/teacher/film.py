@@ -221,9 +221,15 @@ def make_film(connection: Connection, library: Library, tries: Tries, dance: str
             learner, result = read_performance(tries.path(dance, name, "npz")), tries.result(dance, name)
             number, dancers = result.get("dancer", 0), library.dance(dance).dancers
             expect(number in range(len(dancers)), f"{dance}/{name}: dancer", f"one of the {len(dancers)} of the dance")
-            write_film(tries.film_path(dance, name), library.body, dancers[number], learner, result, tell)
+            path = tries.film_path(dance, name)
+            write_film(path, library.body, dancers[number], learner, result, tell)
+            try:
+                tries.film_path(dance, name)
+            except InputError:  # the try was deleted meanwhile, and its film goes with it
+                path.unlink(missing_ok=True)
+                raise
         except InputError as error:
-            connection.send((0.0, str(error)))
+            connection.send((0.0, error.said))
         except (BrokenPipeError, ConnectionResetError):
             raise
         except OSError as error:

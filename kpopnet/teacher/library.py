@@ -20,7 +20,7 @@ from kpopnet.runtime.atomic_write import atomic_path, claim
 from kpopnet.runtime.input_files import ArraySchema, check_names, expect, parse_json, read_npz, settings_from
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
-DANCES = "dances"
+DANCES, TRIES = "dances", "tries"
 IDENTITY = re.compile("[a-z0-9][a-z0-9_-]{0,63}")
 PHRASE_COUNTS, MOVE_COUNTS = 8, 4
 QUAT_SCALE = 32767
@@ -201,7 +201,8 @@ class Library:
         folder.mkdir(parents=True, exist_ok=True)
         for number in itertools.count(1):
             path, taken = folder / f"own_{number:03d}.npz", folder / f".own_{number:03d}"  # which a killed process leaves
-            if path.exists() or not claim(taken):
+            # Tries of a dance that was removed stay its own.
+            if path.exists() or (self.folder / TRIES / path.stem).exists() or not claim(taken):
                 continue
             try:
                 if not path.exists():  # another writer may have been done in between
@@ -229,10 +230,21 @@ def stored_quats(quats: np.ndarray) -> np.ndarray:
     return np.round(quats * QUAT_SCALE).astype(np.int16)
 
 
+def without_gaps(joints_m: np.ndarray) -> np.ndarray:
+    """(T, 15, 3) joints; a missing one lies between its last and its next known position, one never seen at the torso."""
+    filled, frames = joints_m.copy(), np.arange(len(joints_m))
+    known = np.isfinite(joints_m).all(axis=2)
+    for joint in np.flatnonzero(known.any(axis=0)):
+        for axis in range(3):
+            filled[:, joint, axis] = np.interp(frames, frames[known[:, joint]], joints_m[known[:, joint], joint, axis])
+    filled[:, ~known.any(axis=0)] = np.nan_to_num(filled[:, [Joint.TORSO]])
+    return filled
+
+
 def preview_cm(dance: TaughtDance) -> list[list[int]]:
     """The first seconds of a dance for a thumbnail: by frame the x (right) and y (up) of the fifteen joints, centimetres."""
     stride = max(round(dance.fps / PREVIEW_FPS), 1)
-    joints_m = np.nan_to_num(dance.joints_m[: round(PREVIEW_S * dance.fps) : stride, :, :2])
+    joints_m = without_gaps(dance.joints_m)[: round(PREVIEW_S * dance.fps) : stride, :, :2]
     return _flat_cm(joints_m - joints_m.mean(axis=(0, 1)))
 
 
@@ -240,7 +252,8 @@ def moves_cm(dance: TaughtDance) -> list[dict]:
     """For each move of four counts its pose that differs most from the dance's mean pose: at_s, seconds of the dance, and
     points_cm, the joints as in `preview_cm`.
     """
-    relative_m = np.nan_to_num(dance.joints_m - np.nanmean(dance.joints_m, axis=1, keepdims=True))
+    joints_m = without_gaps(dance.joints_m)
+    relative_m = joints_m - joints_m.mean(axis=1, keepdims=True)
     unlike_m = np.linalg.norm(relative_m - relative_m.mean(axis=0), axis=-1).sum(axis=1)
     bounds = np.arange(0, len(unlike_m), MOVE_COUNTS * 60 / dance.about.bpm * dance.fps).round().astype(int).tolist()
     frames = [

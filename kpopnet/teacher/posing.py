@@ -14,7 +14,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, continuous, multiply
 from kpopnet.skeleton import Joint
-from kpopnet.teacher.library import TeacherBody
+from kpopnet.teacher.library import TeacherBody, without_gaps
 
 TO_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]).T
 """Multiplies row vectors in a level camera's frame (x right, y down, z forward): x right, y forward, z up."""
@@ -50,7 +50,7 @@ def posed(joints_m: np.ndarray, body: TeacherBody) -> tuple[np.ndarray, np.ndarr
     From (T, 15, 3) joints in metres in a camera's frame, NaN where missing; a gap is bridged in time. The body's own
     proportions stay; its root starts above the origin.
     """
-    world_m = _without_gaps(np.asarray(joints_m, np.float64)) @ TO_WORLD
+    world_m = without_gaps(np.asarray(joints_m, np.float64)) @ TO_WORLD
     rotations = _world_rotations(world_m, body)
     quats = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat(scalar_first=True).reshape(*rotations.shape[:2], 4)
     local = quats.copy()
@@ -94,19 +94,6 @@ def at_rate(performance: Performance, fps: float, begin_s: float | None = None, 
     after = np.clip(np.searchsorted(performance.times_s, times_s), 1, len(performance) - 1)
     before_is_nearer = times_s - performance.times_s[after - 1] < performance.times_s[after] - times_s
     return performance.joints_m[after - before_is_nearer].astype(np.float32)
-
-
-def _without_gaps(joints_m: np.ndarray) -> np.ndarray:
-    """(T, 15, 3) joints; a missing one lies between its last and its next known position, one never seen at the torso."""
-    filled, frames = joints_m.copy(), np.arange(len(joints_m))
-    known = np.isfinite(joints_m).all(axis=2)
-    for joint in range(joints_m.shape[1]):
-        for axis in range(3):
-            if known[:, joint].any():
-                filled[:, joint, axis] = np.interp(frames, frames[known[:, joint]], joints_m[known[:, joint], joint, axis])
-            else:
-                filled[:, joint, axis] = 0.0
-    return filled
 
 
 def _world_rotations(joints_m: np.ndarray, body: TeacherBody) -> np.ndarray:

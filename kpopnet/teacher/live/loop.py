@@ -274,9 +274,9 @@ class RunningLesson:
 
     def _follow_away(self, away: str) -> None:
         """While the camera is away the dance stands still where the learner was seen last; the page asks to resume it."""
-        if away and self._clock.running:
-            self._clock.pause(self._seen_s)
-        if away and not self._away:
+        if away and (self._clock.running or not self._away):  # also a dance that began while it was away
+            if self._clock.running:
+                self._clock.pause(self._seen_s)
             self._tell("away", {"text": away})
         elif self._away and not away:
             self._tell("back", {"from_s": self._clock.paused_s})

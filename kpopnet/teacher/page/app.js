@@ -64,6 +64,7 @@ languages.addEventListener("change", () => {
   location.reload();
 });
 languages.before(handsSwitch(show));
+addEventListener("storage", ({ key }) => { if (key === "teach.who") myself().catch(() => {}); }); // chosen in another tab
 for (const [id, otherwise] of [["theme", "auto"], ["palette", "brightness"]]) {
   const select = document.getElementById(id);
   select.value = remembered(id, otherwise);

@@ -87,7 +87,7 @@ export async function menu(main) {
       const title = chosen.name.replace(/\.[^.]*$/, "");
       const query = new URLSearchParams({ file: chosen.name, title });
       const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: chosen });
-      location.hash = `#/dance/${identity}`;
+      if (told.isConnected) location.hash = `#/dance/${identity}`;
     } catch (error) {
       told.textContent = error.message;
     }

@@ -30,7 +30,8 @@ export async function record(main) {
     el("div", { class: "panel seen calibrating" }, canvas, count), editor, el("p", {}, el("a", { href: "#/" }, say("To the dances"))));
   const learner = new LearnerView(canvas);
   const onKey = (event) => {
-    if (event.key !== " " || event.target.closest("input, select, button, a")) return;
+    if (event.key !== " " || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!editor.hidden || event.target.closest("input, select, button, a, summary, audio")) return; // a dance waits to be saved
     event.preventDefault();
     start.click();
   };
@@ -62,6 +63,7 @@ export async function record(main) {
     failed.textContent = "";
     told.textContent = say("looking for you");
     start.textContent = say("Stop");
+    start.blur(); // a focused button takes every space bar for itself
   }
 
   function seen(points, age_ms) {
@@ -119,7 +121,7 @@ export async function record(main) {
     const query = new URLSearchParams({ file: "dance.json", title: name.value.trim(), bpm: 60 / state.beat_s });
     try {
       const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, ...bounds())) });
-      location.hash = `#/dance/${identity}`;
+      if (!state.closed) location.hash = `#/dance/${identity}`;
     } catch ({ message }) {
       failed.textContent = message;
     }

@@ -153,6 +153,7 @@ export async function stage(main, identity, wanted) {
     showMembers();
     Object.assign(state, { running: true, ready: false, start: 0, paused_s: null });
     parts.start.textContent = say("Stop");
+    parts.mirrored.disabled = true; // how it is scored was said at the start
     shown.error.textContent = "";
     shown.preparing.hidden = false;
     live.send({
@@ -173,6 +174,7 @@ export async function stage(main, identity, wanted) {
     sound.stop();
     live.send(watches && handsFree() ? watching(dance, parts.source.value) : { do: "stop" });
     parts.start.textContent = say("Start");
+    parts.mirrored.disabled = false;
     shown.preparing.hidden = true;
     shown.count.textContent = "";
     shown.error.textContent = message;
@@ -202,13 +204,15 @@ export async function stage(main, identity, wanted) {
     return undefined;
   }
 
-  function begin(what = "go", from_s = state.from_s) {
+  // What is resumed goes on from the beat before, so that the counts, too, are on the dance's beats.
+  function begin(what = "go", resumed_s = state.from_s) {
+    const from_s = what === "resume" ? Math.max(Math.floor(resumed_s / beat_s + 1e-6) * beat_s, state.from_s) : resumed_s;
     const in_s = COUNTS * beat_s / state.speed + 0.3, ratio = followed();
     Object.assign(state, { ready: true, place: null, start: performance.now() + 1000 * in_s, start_s: from_s, reason: "", paused_s: null });
     shown.beginNow.hidden = true;
     shown.words.textContent = shown.verdict.textContent = "";
     if (what === "go") showStreak(0);
-    live.send({ do: what, in_s });
+    live.send({ do: what, in_s: in_s + (resumed_s - from_s) / state.speed });
     sound.play({
       in_s: (state.start - performance.now()) / 1000, from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS,
       music: parts.music.value === "song" ? songAt(from_s / ratio, state.speed / ratio) || "tick" : parts.music.value,

@@ -154,6 +154,14 @@ def test_what_goes_wrong_is_one_sentence(teaching, tried, monkeypatch):
     monkeypatch.setattr(film, "write_film", full)
     assert told(tried(1.0)) == [(0.0, "the film could not be saved: No space left on device")]
 
+    def deleted_meanwhile(path, *_):
+        path.write_bytes(b"a film")
+        path.with_suffix(".json").unlink()
+
+    monkeypatch.setattr(film, "write_film", deleted_meanwhile)
+    ((_, sentence),) = told(tried(1.0))
+    assert "there is no such try" in sentence and not left_over(teaching)
+
 
 def test_a_process_that_cannot_be_started_or_dies_is_told(teaching, tried, monkeypatch):
     films, name = Filming(teaching.library, teaching.tries), tried(45.0, 0.25)

@@ -12,7 +12,7 @@ from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import BONES, Joint
 from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
-from kpopnet.teacher.library import DANCES, Library, difficulty, moves_cm, preview_cm
+from kpopnet.teacher.library import DANCES, TRIES, Library, difficulty, moves_cm, preview_cm
 from kpopnet.teacher.posing import TO_WORLD, as_bvh, at_rate, posed
 from synth.body.teacher import teacher_person
 from synth.dances.live import CAMERA
@@ -103,6 +103,25 @@ def test_missing_joints_are_bridged(library):
     assert np.isfinite(quats).all() and np.isfinite(hips_m).all()
     bone = library.body.bone("LeftForeArm")
     assert np.abs((quats[:, bone] * whole[:, bone]).sum(axis=1)).min() > 0.95
+
+
+def test_frames_without_joints_are_neither_moves_nor_thumbnails(library):
+    dance = library.dance("dance_001")
+    gaps_m = dance.joints_m.copy()
+    gaps_m[[round(second * dance.fps) for second in (3, 7)]] = np.nan
+    gaps_m[round(5 * dance.fps) :][:2, [Joint.LEFT_ELBOW, Joint.LEFT_HAND]] = np.nan
+    seen = replace(dance, joints_m=gaps_m)
+    assert [one["at_s"] for one in moves_cm(seen)] == [one["at_s"] for one in moves_cm(dance)]
+    np.testing.assert_allclose(preview_cm(seen), preview_cm(dance), atol=5)
+    gaps_m[:, Joint.HEAD] = np.nan  # which nobody ever saw
+    head, torso = (np.array(preview_cm(seen)).reshape(-1, 15, 2)[:, joint] for joint in (Joint.HEAD, Joint.TORSO))
+    np.testing.assert_array_equal(head, torso)
+
+
+def test_a_dance_that_was_removed_keeps_its_tries(library, tmp_path):
+    mine, dance = Library(tmp_path, library.body), library.dance("dance_001")
+    (tmp_path / TRIES / "own_001").mkdir(parents=True)
+    assert mine.add(dance) == "own_002"
 
 
 def test_bvh_is_read_back_and_becomes_a_dance_of_ones_own(library, tmp_path):

@@ -283,6 +283,7 @@ def test_a_hand_that_points_chooses_starts_and_stops_a_dance_which_a_camera_that
     until(browser, lambda one: one.current_url.endswith("#/dance/dance_002"))
     point_at(browser, "start")
     until(browser, lambda one: find(one, "#start").text == "Stop")
+    assert not browser.find_element(By.ID, "mirrored").is_enabled()  # the server was told how to score
     browser.execute_script("hand = [0.4, 0.62]")
     until(browser, lambda one: "go" in one.execute_script("return asked"))
     browser.execute_script("hand = [0.4, 0.3]")

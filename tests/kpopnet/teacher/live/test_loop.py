@@ -168,6 +168,12 @@ def test_the_dance_stands_still_while_the_camera_is_away_or_a_pause_is_asked_for
     assert told(server, "back")["from_s"] is None
     server.send(("resume", 0.0))  # there is nothing to go on with
     assert told(server, "frame")["time_s"] is None
+    camera.plugged.clear()
+    told(server, "away")
+    server.send(("go", 0.1))  # as a lesson does that is repeated
+    told(server, "away")
+    camera.plugged.set()
+    assert told(server, "back")["from_s"] == 0
     server.send(("go", 0.1))
     before: list[dict] = []
     while not before or (before[-1]["time_s"] or 0) < 1.5:
