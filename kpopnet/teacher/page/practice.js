@@ -33,8 +33,9 @@ export class Practice {
 
 export const practiseAddress = (dance, phrase, more = "") => `#/dance/${dance}?phrase=${phrase}&practise=${GOAL}&go${more}`;
 
-// Whether a dance has a phrase of this number, from 0, that is long enough to be danced alone; the last one may be cut short.
-export const practisable = (phrase, { phrase_s, seconds }) => phrase === 0 || seconds - phrase * phrase_s >= LEAST_S;
+// Whether a dance has a phrase of this number, from 0, that is long enough to be danced alone; the last one may be cut short, and
+// in dances of more than 192 beats a minute all are too short.
+export const practisable = (phrase, { phrase_s, seconds }) => Math.min(phrase_s, seconds - phrase * phrase_s) >= LEAST_S;
 // The number of the phrase that begins at a time; `first_s` is where a recording's clock begins.
 export const phraseAt = (start_s, { phrase_s, first_s = 0 }) => Math.max(Math.round((start_s - first_s) / phrase_s), 0);
 

@@ -18,6 +18,7 @@ test("a last phrase that is cut short can be chosen, and is what a link asks for
   assert.deepEqual(asked(10.6).options.map(({ value }) => value), ["", 0, 1, 2]);
   assert.equal(asked(10.6).value, "2");
   assert.deepEqual(asked(10.4).options.map(({ value }) => value), ["", 0, 1]); // 2.4 s are too short
+  assert.deepEqual(wanting({ phrase_s: 2.4, seconds: 12 }, "").phrase.options.map(({ value }) => value), [""]); // at 200 beats a minute
   assert.deepEqual(wanting({ phrase_s: 24, seconds: 5 }, "").phrase.options.map(({ value }) => value), ["", 0]);
 });
 
