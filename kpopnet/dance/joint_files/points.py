@@ -6,7 +6,7 @@ axis so that the dancer faces the camera on average over the first twentieth of 
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -139,17 +139,20 @@ def named_joints(recorded: NamedPoints, source: str) -> tuple[np.ndarray, np.nda
     return joints, confidence
 
 
-def _joint_places(names: Sequence[str], source: str) -> dict[Joint, list[int]]:
-    """Indices of the points whose mean is each joint."""
+def _joint_places(names: Sequence[str], source: str, known_already: Collection[Joint] = ()) -> dict[Joint, list[int]]:
+    """Indices of the points whose mean is each joint, but for those that are known already."""
     by_name: dict[str, int] = {}
     for number, name in enumerate(names):
         by_name.setdefault(plain_name(name), number)
     found = {}
     for joint, alternatives in _POINTS.items():
+        if joint in known_already:
+            continue
         known = next((words for words in alternatives if all(word in by_name for word in words)), None)
         if known:
             found[joint] = [by_name[word] for word in known]
-    missing = [joint.name.lower() for joint in _POINTS if joint not in found and joint not in (Joint.HEAD, Joint.NECK)]
+    needed = _POINTS.keys() - {Joint.HEAD, Joint.NECK, *known_already, *found}
+    missing = [joint.name.lower() for joint in _POINTS if joint in needed]
     if missing:
         raise InputError(
             f"{source}: no point for {', '.join(missing)}; it names {names_in(names) or 'none'}. Expected the names of "
@@ -161,7 +164,8 @@ def _joint_places(names: Sequence[str], source: str) -> dict[Joint, list[int]]:
 def with_joint_map(recorded: NamedPoints, joint_map: Path, source: str) -> NamedPoints:
     """A recording by our names of joints: each the mean of the points that a JSON file gives for it, by name or number.
 
-    A recording that has none of these points keeps its own names. Raises InputError if it has only some, or the map is wrong.
+    Joints that the map leaves out are found by the recording's own names, and all are where it has none of the map's points.
+    Raises InputError if it has only some of them, or the map is wrong.
     """
     given, where = read_json(joint_map), str(joint_map)
     check_fields(where, given, {})
@@ -175,10 +179,11 @@ def with_joint_map(recorded: NamedPoints, joint_map: Path, source: str) -> Named
     if len(missing) == len(wanted):
         return recorded
     expect(not missing, source, f"the points {names_in(missing)} of {where}; it names {names_in(own)}")
-    columns = [[own.index(word) for word in words] for words in points.values()]
-    confidence = recorded.confidence
+    places = {Joint[joint.upper()]: [own.index(word) for word in words] for joint, words in points.items()}
+    places |= _joint_places(recorded.names, source, places)
+    columns, confidence = places.values(), recorded.confidence
     return recorded._replace(
-        names=list(points),
+        names=[joint.name.lower() for joint in places],
         points=np.stack([recorded.points[:, one].mean(axis=1) for one in columns], axis=1),
         confidence=None if confidence is None else np.stack([confidence[:, one].min(axis=1) for one in columns], axis=1),
     )

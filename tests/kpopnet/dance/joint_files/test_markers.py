@@ -79,6 +79,12 @@ def test_a_joint_map_says_which_points_are_which_joints(tmp_path, expected):
         (tmp_path / "map.json").write_text(json.dumps(content))
         with pytest.raises(InputError, match=message):
             read_performance(tmp_path / "a.trc", None, tmp_path / "map.json")
+    # A map may say what the file's own names leave open.
+    own = ["PALM" if name == "LEFT_HAND" else name for name in person()]
+    write_trc(tmp_path / "own.trc", POINTS_MM, own)
+    (tmp_path / "map.json").write_text(json.dumps({"left_hand": "PALM"}))
+    read = read_performance(tmp_path / "own.trc", 100.0, tmp_path / "map.json")
+    np.testing.assert_allclose(read.joints_m, expected.joints_m, atol=1e-3)
     with pytest.raises(InputError, match=r"a\.npy: expected --joint-map FILE"):
         read_performance(tmp_path / "a.npy")
 
