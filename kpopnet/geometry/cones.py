@@ -26,6 +26,12 @@ the foot points where the knee points, with a straight one where the torso faces
 
 
 @njit(cache=True)
+def distance(a, b):
+    """Euclidean distance of two (3,) points."""
+    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+
+
+@njit(cache=True)
 def torso_frame(joints):
     """(3, 3) rows: right, down and front of the torso of (15, 3) joints, unit vectors in the camera frame."""
     frame = np.empty((3, 3))

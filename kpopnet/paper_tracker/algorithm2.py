@@ -21,6 +21,7 @@ from numba import njit
 
 from kpopnet.camera import Camera
 from kpopnet.geometry.body import NECK_FRACTION
+from kpopnet.geometry.cones import distance
 from kpopnet.geometry.depth_grid import cell_points, geodesic_distances, neighbour_graph
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -231,12 +232,6 @@ def ridge_candidates(frame: Frame, state: State, plan: Plan) -> tuple[np.ndarray
 
 
 @njit(cache=True)
-def distance(x, y):
-    """Euclidean distance D_E of two (3,) points."""
-    return math.sqrt((x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2 + (x[2] - y[2]) ** 2)
-
-
-@njit(cache=True)
 def perpendicular(x, opposite, point):
     """Distance of a point to the line through a candidate x and the joint opposite to it."""
     ax, ay, az = x[0] - opposite[0], x[1] - opposite[1], x[2] - opposite[2]
@@ -252,64 +247,37 @@ def _as_far(x, joint, other, joints, plan):
 
 
 @njit(cache=True)
-def valid_shoulder(x, shoulder, joints, plan):
-    opposite = RIGHT_SHOULDER + LEFT_SHOULDER - shoulder
-    if plan.structure.distance_m[shoulder, HEAD] > 0 and not _as_far(x, shoulder, HEAD, joints, plan):
-        return False  # a repair: as printed the structure has no such distance
-    # Eq. (6)
-    line_m = perpendicular(x, joints[opposite], joints[HEAD])
-    return (
-        _as_far(x, shoulder, opposite, joints, plan) and abs(line_m - plan.structure.head_to_shoulder_line_m) <= plan.epsilon_m
-    )
-
-
-@njit(cache=True)
-def valid_torso(x, joints, plan):
-    # Eq. (7)
-    return (
-        _as_far(x, TORSO, HEAD, joints, plan)
-        and _as_far(x, TORSO, RIGHT_SHOULDER, joints, plan)
-        and _as_far(x, TORSO, LEFT_SHOULDER, joints, plan)
-    )
-
-
-@njit(cache=True)
-def valid_hip(x, hip, joints, plan):
-    # Eq. (8)
-    line_m = perpendicular(x, joints[RIGHT_HIP + LEFT_HIP - hip], joints[TORSO])
-    return (
-        _as_far(x, hip, RIGHT_SHOULDER, joints, plan)
-        and _as_far(x, hip, LEFT_SHOULDER, joints, plan)
-        and abs(line_m - plan.structure.torso_to_hip_line_m) <= plan.epsilon_m
-    )
-
-
-@njit(cache=True)
-def valid_limb(x, limb, geodesic_m, joints, plan):
-    parent = PARENTS[limb]
-    # Eq. (10)
-    straight = distance(x, joints[parent]) > plan.straightness * geodesic_m
-    # Eq. (9)
-    return straight and _as_far(x, limb, parent, joints, plan)
-
-
-@njit(cache=True)
 def is_valid(x, geodesic_m, joint, joints, plan):
     """Whether candidate x of a joint is valid: the switch of Algorithm 2.
 
     `geodesic_m` is D_G of Eq. (10) from the joint's parent to it, metres, any number for joints without a parent; `joints` are
     (15, 3) estimated joints, predicted ones where none is estimated yet.
     """
+    structure, epsilon_m = plan.structure, plan.epsilon_m
     if joint == HEAD:
         # Eq. (5)
         return _as_far(x, HEAD, TORSO, joints, plan)
     if joint in (RIGHT_SHOULDER, LEFT_SHOULDER):
-        return valid_shoulder(x, joint, joints, plan)
+        if structure.distance_m[joint, HEAD] > 0 and not _as_far(x, joint, HEAD, joints, plan):
+            return False  # a repair: as printed the structure has no such distance
+        # Eq. (6)
+        opposite = RIGHT_SHOULDER + LEFT_SHOULDER - joint
+        line_m = perpendicular(x, joints[opposite], joints[HEAD])
+        return _as_far(x, joint, opposite, joints, plan) and abs(line_m - structure.head_to_shoulder_line_m) <= epsilon_m
+    parent = PARENTS[joint]
+    if parent >= 0:
+        # Eq. (10)
+        straight = distance(x, joints[parent]) > plan.straightness * geodesic_m
+        # Eq. (9)
+        return straight and _as_far(x, joint, parent, joints, plan)
+    if not (_as_far(x, joint, RIGHT_SHOULDER, joints, plan) and _as_far(x, joint, LEFT_SHOULDER, joints, plan)):
+        return False  # of Eqs. (7) and (8)
     if joint == TORSO:
-        return valid_torso(x, joints, plan)
-    if joint in (RIGHT_HIP, LEFT_HIP):
-        return valid_hip(x, joint, joints, plan)
-    return valid_limb(x, joint, geodesic_m, joints, plan)
+        # Eq. (7)
+        return _as_far(x, TORSO, HEAD, joints, plan)
+    # Eq. (8)
+    line_m = perpendicular(x, joints[RIGHT_HIP + LEFT_HIP - joint], joints[TORSO])
+    return abs(line_m - structure.torso_to_hip_line_m) <= epsilon_m
 
 
 @njit(cache=True)
@@ -329,11 +297,5 @@ def geodesics_to(limb, frame, joints, plan):
             nearest, least = i, here
     if nearest >= 0:
         source[nearest] = True
-    farthest_m = farthest_geodesic_m(limb, plan)
+    farthest_m = (plan.structure.distance_m[limb, PARENTS[limb]] + plan.epsilon_m) / max(plan.straightness, 1e-9)
     return geodesic_distances(frame.neighbours, frame.edges_m, source, farthest_m)[0]
-
-
-@njit(cache=True)
-def farthest_geodesic_m(limb, plan):
-    """Geodesic distance in metres above which no candidate of a limb can pass Eq. (9)."""
-    return (plan.structure.distance_m[limb, PARENTS[limb]] + plan.epsilon_m) / max(plan.straightness, 1e-9)

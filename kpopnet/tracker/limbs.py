@@ -13,6 +13,7 @@ from numba import njit
 from kpopnet.geometry.body import LIMB_COLLISIONS, LIMB_PARTS, LIMBS, PARTS, Body
 from kpopnet.geometry.cones import (
     cone_signed_distance,
+    distance,
     extend_joints,
     extend_limb,
     nearest_parts,
@@ -127,12 +128,6 @@ def move_inside(points, index, radius, position):
     x, y, z = points[index, 0], points[index, 1], points[index, 2]
     factor = 1 + radius / math.sqrt(x**2 + y**2 + z**2)
     position[0], position[1], position[2] = x * factor, y * factor, z * factor
-
-
-@njit(cache=True)
-def distance(a, b):
-    """Euclidean distance of two (3,) points."""
-    return math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
 @njit(cache=True)
