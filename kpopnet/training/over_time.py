@@ -30,7 +30,6 @@ class OverTimeTraining:
         lr: peak learning rate.
         future: whether the network also reads the frames that follow.
         seed: of the first weights and of all that is drawn.
-        most_seconds: the cycle ends after this time; None: with the epochs, so that a run can be repeated.
     """
 
     epochs: int = 40
@@ -41,7 +40,6 @@ class OverTimeTraining:
     lr: float = 5e-3
     future: bool = False
     seed: int = 0
-    most_seconds: float | None = None
 
 
 def network_of(config: OverTimeTraining) -> nn.Sequential:
@@ -117,19 +115,17 @@ def loss_of(joints_m: Tensor, logits: Tensor, true_m: Tensor, steps_s: Tensor) -
 def train_over_time(config: OverTimeTraining, films: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """The arrays of `kpopnet.networks.over_time.OverTime`; films as in `varied`."""
     torch.manual_seed(config.seed)
-    network, began, done = network_of(config), time.monotonic(), 0.0
+    network, began = network_of(config), time.monotonic()
     average = {name: value.clone() for name, value in network.state_dict().items()}
     optimiser = torch.optim.AdamW(network.parameters(), lr=config.lr, weight_decay=0.01)
     for epoch in range(config.epochs):
         rng = np.random.default_rng([config.seed, epoch])
         tensors = batches(rng, films, config)
         order = torch.from_numpy(np.concatenate([rng.permutation(len(tensors[0])) for _ in range(config.passes)]))
+        optimiser.param_groups[0]["lr"] = config.lr * 0.5 * (1 + np.cos(np.pi * epoch / config.epochs))
         losses = []
         for chosen in order.split(config.batch_size):
             points_m, differences_m, seen, true_m, steps_s = (one[chosen] for one in tensors)
-            spent = 0.0 if config.most_seconds is None else (time.monotonic() - began) / config.most_seconds
-            done = min(max(epoch / config.epochs, spent), 1.0)
-            optimiser.param_groups[0]["lr"] = config.lr * 0.5 * (1 + np.cos(np.pi * done))
             loss = loss_of(*answer(network, points_m, differences_m, seen), true_m, steps_s)
             optimiser.zero_grad()
             loss.backward()
@@ -139,6 +135,4 @@ def train_over_time(config: OverTimeTraining, films: list[dict[str, np.ndarray]]
             for name, value in network.state_dict().items():
                 average[name].lerp_(value, AVERAGE_RATE)
         log.info("epoch %d: loss %.4f, %d pieces, %.0f s", epoch, np.mean(losses), len(tensors[0]), time.monotonic() - began)
-        if done >= 1:
-            break
     return {name: value.numpy() for name, value in average.items()}
