@@ -39,7 +39,7 @@ from kpopnet.dance.scoring import SCORERS, Comparison, Scorer, TimeGrid, Windows
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.ranking import is_ordered, wilson_interval
 from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.runtime.provenance import git_revision
 from synth.dances.ends import ENDS
@@ -323,13 +323,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         "seeds": seeds,
         "settings": {name: [scorer.alpha, scorer.beta, scorer.tau] for name, scorer in SCORERS.items()},
     }
-    text = json.dumps(about | {"results": found}, indent=1) + "\n"
     if options.result is None:
-        print(text)
-        return
-    options.result.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_path(options.result) as part:
-        part.write_text(text)
+        print(json.dumps(about | {"results": found}, indent=1))
+    else:
+        write_json(options.result, about | {"results": found})
 
 
 if __name__ == "__main__":

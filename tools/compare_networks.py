@@ -11,7 +11,6 @@ labels of a benchmark have a definition of their own (UTD-MHAD), the same tables
 """
 
 import argparse
-import json
 import sys
 from dataclasses import replace
 from datetime import date
@@ -32,7 +31,7 @@ from kpopnet.evaluation.registry import BENCHMARKS, build_benchmark
 from kpopnet.networks.checkpoint import read_meta
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.programs.evaluate import EVALUATIONS
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import JOINT_GROUPS, NUM_JOINTS
 
@@ -231,10 +230,7 @@ def program() -> None:
         if name in found:
             print_tables(f"{arguments.benchmark}, {name}", found[name])
     made = {"command": " ".join(["python", *sys.argv]), "code": git_revision(), "date": date.today().isoformat()}
-    with atomic_path(arguments.result) as path:
-        path.write_text(
-            json.dumps(made | {"ways": ways, "trainings": trainings} | rounded(found), indent=1, allow_nan=False) + "\n"
-        )
+    write_json(arguments.result, made | {"ways": ways, "trainings": trainings} | rounded(found), allow_nan=False)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.poses.run import SequenceEstimation
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS, build_estimators
 from kpopnet.finder.finder import FinderConfig
+from kpopnet.runtime.atomic_write import write_json
 
 SEQUENCES = 4
 DANCES = 5
@@ -158,7 +159,7 @@ def main() -> None:
     found |= scores(folder, checkpoint)
     if given.demo:
         found |= demo(folder / "demo")
-    (folder / "fingerprint.json").write_text(json.dumps(found, indent=1) + "\n")
+    write_json(folder / "fingerprint.json", found)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ threshold.
 """
 
 import argparse
-import json
 import shlex
 import sys
 from datetime import date
@@ -24,7 +23,7 @@ from kpopnet.data.canvas import reduced
 from kpopnet.data.room_images import RoomImage, RoomImages
 from kpopnet.finder.finder import LEAST_CELLS, LEAST_M2, LEAST_PROBABILITY, cells_of, open_finder
 from kpopnet.finder.people import Network, People, certainty_features, gather_people
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import Joint
@@ -95,14 +94,8 @@ def main() -> None:
         print(f"at {threshold}: recall {100 * recall:.1f} %, precision {100 * precision:.1f} %")
     if given.out:
         made = {"code": git_revision(), "command": shlex.join(["python", *sys.argv]), "date": f"{date.today()}"}
-        about = {
-            "what": "SIMULATED rooms, images of validation",
-            "images": len(images),
-            "people": wanted,
-            "sure": weights.tolist(),
-        }
-        with atomic_path(given.out) as part:
-            part.write_text(json.dumps(about | made | {"at": figures}, indent=1) + "\n")
+        about = {"what": "SIMULATED rooms, images of validation", "images": len(images), "people": wanted}
+        write_json(given.out, about | {"sure": weights.tolist()} | made | {"at": figures})
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.registry import ESTIMATORS
 from kpopnet.networks.over_time import Measured, OverTime, read
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 from kpopnet.weights import shipped_over_time
@@ -203,9 +203,7 @@ def _build(name: str, checkpoint: str | None) -> Estimator:
 
 def enter(name: str, noise: EstimatorNoise) -> None:
     """Enters an estimator's noise in the table, in place of what the table said of it."""
-    table = json.loads(TABLE.read_text()) | {name: noise._asdict()}
-    with atomic_path(TABLE) as part:
-        part.write_text(json.dumps(table, indent=1) + "\n")
+    write_json(TABLE, json.loads(TABLE.read_text()) | {name: noise._asdict()})
 
 
 @user_errors

@@ -11,7 +11,6 @@ metres, the root at the origin, with the fifteen joints at the points of the bod
 
 import argparse
 import datetime
-import json
 import sys
 import zipfile
 from pathlib import Path
@@ -24,7 +23,7 @@ from tqdm import tqdm
 from kpopnet.estimator import Estimator
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.person import PersonEstimator
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import JOINT_GROUPS, Joint
 from kpopnet.tracker.estimator import TrackerEstimator
@@ -164,7 +163,4 @@ if __name__ == "__main__":
         np.savez_compressed(ASSET, **bake(arguments.file))
         print(f"{ASSET}: {ASSET.stat().st_size / 1000:.0f} kB")
     else:
-        result = score()
-        arguments.file.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(arguments.file) as temporary:
-            temporary.write_text(json.dumps(result, indent=1) + "\n")
+        write_json(arguments.file, score())

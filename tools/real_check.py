@@ -11,7 +11,6 @@ with y up). Run from the root of a checkout with `PYTHONPATH=.`. Prints a table 
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +26,7 @@ from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import fraction_within, joint_errors_m, mean_error_m
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import extract_person
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.skeleton import JOINT_GROUPS, NUM_JOINTS
 
 GROUPS = {"all": tuple(range(NUM_JOINTS)), **JOINT_GROUPS}
@@ -155,10 +155,7 @@ def program() -> None:
     for title, one in found.items():
         print_table(title, one)
     if arguments.out:
-        arguments.out.mkdir(parents=True, exist_ok=True)
-        (arguments.out / "real_check.json").write_text(
-            json.dumps({"checkpoint": arguments.checkpoint, **found}, indent=1) + "\n"
-        )
+        write_json(arguments.out / "real_check.json", {"checkpoint": arguments.checkpoint, **found})
 
 
 if __name__ == "__main__":

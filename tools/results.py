@@ -27,7 +27,7 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.ranking import in_order_by_one, mcnemar_p_value, wilson_interval
 from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap
 from kpopnet.evaluation.values import Table, Value
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_json
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
@@ -84,8 +84,7 @@ def make(name: str) -> None:
         "benchmark": metrics["benchmark"],
         "estimators": estimators,
     }
-    with atomic_path(RESULTS / f"{name}.json") as path:
-        path.write_text(json.dumps(found, indent=1) + "\n")
+    write_json(RESULTS / f"{name}.json", found)
 
 
 def _machine() -> str:

@@ -1,13 +1,14 @@
 """Files that are there whole or not at all."""
 
 import itertools
+import json
 import os
 import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import h5py
@@ -32,6 +33,13 @@ def atomic_path(path: Path) -> Iterator[Path]:
             sync(path.parent)
         finally:
             part.unlink(missing_ok=True)
+
+
+def write_json(path: Path, content: Any, allow_nan: bool = True) -> None:
+    """Writes JSON whole or not at all; its folder is made if it is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(path) as part:
+        part.write_text(json.dumps(content, indent=1, allow_nan=allow_nan) + "\n")
 
 
 def remove_unfinished(folder: Path, pattern: str) -> None:

@@ -4,7 +4,6 @@ Each step depends only on the seed and its number, so a run that was stopped and
 bit on a CPU with the same number of threads.
 """
 
-import json
 import logging
 import math
 import sys
@@ -25,7 +24,7 @@ from kpopnet.data.made_sets import check_others
 from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, load_network, loss, observed
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.input_files import first_line, read_json, read_with
 from kpopnet.skeleton import Joint
 from kpopnet.training.loop import descend, lr_at, progress_bar, update_average
@@ -165,8 +164,7 @@ class FinderRun:
         }
         with atomic_path(self.folder / WEIGHTS) as part:
             part.write_bytes(safetensors.torch.save(weights))
-        with atomic_path(self.folder / META) as part:
-            part.write_text(json.dumps({"step": self.step, **described}, indent=1) + "\n")
+        write_json(self.folder / META, {"step": self.step, **described})
         with atomic_path(self.folder / STATE) as part:
             torch.save(state, part)
 
