@@ -8,8 +8,6 @@ second and milliseconds.
 """
 
 import argparse
-import re
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -18,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "helpers"))
 
 from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
-from teacher_page import chromium  # noqa: E402
+from teacher_page import chromium, started  # noqa: E402
 
 PATIENCE_S, SETTLED_S = 300, 6.0
 
@@ -31,23 +29,15 @@ def main() -> None:
     parser.add_argument("--size", type=int, nargs=2, default=(1280, 860), help="of the window in pixels: %(default)s")
     parser.add_argument("--dark", action="store_true", help="in the dark theme")
     given = parser.parse_args()
-    command = [sys.executable, "-m", "kpopnet.cli", "live", given.source, "--loop", "--no-browser", "--port", "0"]
-    program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        address = re.search(r"http://\S+", program.stdout.readline() if program.stdout else "")
-        if address is None:
-            sys.exit("kpopnet live did not start")
-        with chromium(tuple(given.size)) as driver:
-            if given.dark:
-                scheme = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
-                driver.execute_cdp_cmd("Emulation.setEmulatedMedia", scheme)
-            driver.get(address[0])
-            WebDriverWait(driver, PATIENCE_S).until(lambda one: one.find_elements("css selector", "#people li"))
-            time.sleep(SETTLED_S)
-            driver.save_screenshot(str(given.out))
-    finally:
-        program.terminate()
-        program.wait(60)
+    program = ("kpopnet.cli", "live", given.source, "--loop", "--no-browser", "--port", "0")
+    with started(*program) as (address, _), chromium(tuple(given.size)) as driver:
+        if given.dark:
+            scheme = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
+            driver.execute_cdp_cmd("Emulation.setEmulatedMedia", scheme)
+        driver.get(address)
+        WebDriverWait(driver, PATIENCE_S).until(lambda one: one.find_elements("css selector", "#people li"))
+        time.sleep(SETTLED_S)
+        driver.save_screenshot(str(given.out))
 
 
 if __name__ == "__main__":

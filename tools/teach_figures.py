@@ -7,8 +7,6 @@ the pictures show how many milliseconds the score takes, and a score that suffer
 """
 
 import argparse
-import re
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -17,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "helpers"))
 
 from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
-from teacher_page import chromium, resize  # noqa: E402
+from teacher_page import chromium, resize, started  # noqa: E402
 
 FIGURES = ROOT / "docs" / "figures"
 LESSON = "dance/dance_001?go&skill=perfect&fault=left+arm&speed={speed}"
@@ -55,17 +53,10 @@ def main() -> None:
     parser.add_argument("--port", type=int, default=8478, help="%(default)s")
     parser.add_argument("--speed", type=int, default=100, help="of the dance, percent: %(default)s")
     given = parser.parse_args()
-    command = [sys.executable, "-m", "kpopnet.programs.teach", "--no-browser", "--data", given.data, "--port", str(given.port)]
-    program = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        address = re.search(r"http://\S+", program.stdout.readline() if program.stdout else "")
-        if address is None:
-            sys.exit("kpopnet teach did not start")
-        given.out.mkdir(parents=True, exist_ok=True)
-        take(address[0], given.out, given.speed)
-    finally:
-        program.terminate()
-        program.wait(60)
+    given.out.mkdir(parents=True, exist_ok=True)
+    program = ("kpopnet.programs.teach", "--no-browser", "--data", given.data, "--port", given.port)
+    with started(*program) as (address, _):
+        take(address, given.out, given.speed)
 
 
 if __name__ == "__main__":

@@ -2,11 +2,15 @@
 
 import asyncio
 import contextlib
+import re
 import shutil
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from aiohttp import web
@@ -90,6 +94,21 @@ def served(shown: Shown) -> Iterator[str]:
     finally:
         loop.call_soon_threadsafe(loop.stop)
         thread.join(PATIENCE_S)
+
+
+@contextlib.contextmanager
+def started(*words: object, errors: IO | None = None) -> Iterator[tuple[str, int]]:
+    """`python -m` with these words, a program that serves a page: its address and process, which is ended with the context."""
+    command = [sys.executable, "-m", *map(str, words)]
+    program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors, text=True)
+    try:
+        address = re.search(r"http://\S+", program.stdout.readline())
+        if address is None:
+            sys.exit(f"{words[0]} did not start")
+        yield address[0], program.pid
+    finally:
+        program.terminate()
+        program.wait(60)
 
 
 @contextlib.contextmanager

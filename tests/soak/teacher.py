@@ -17,8 +17,6 @@ import asyncio
 import itertools
 import json
 import random
-import re
-import subprocess
 import sys
 import tempfile
 import time
@@ -30,6 +28,7 @@ import aiohttp
 import numpy as np
 
 from tests.helpers.random_requests import SERVER_ERRORS, random_request, status_of
+from tests.helpers.teacher_page import started
 from tests.soak.__main__ import resident_mb
 
 SKILLS = ("perfect", "good", "worst", "still", "nobody")
@@ -153,19 +152,11 @@ def main() -> None:
     parser.add_argument("--attack", type=float, default=0, help="random requests a second: %(default)s")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "kpopnet.programs.teach", "--no-browser", "--data", folder, "--port", str(given.port)]
-        command += ["--checkpoint", given.checkpoint] if given.checkpoint else []
+        words = ["kpopnet.programs.teach", "--no-browser", "--data", folder, "--port", given.port]
+        words += ["--checkpoint", given.checkpoint] if given.checkpoint else []
         log = Path(folder) / "log.txt"
-        program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log.open("w"), text=True)
-        try:
-            line = program.stdout.readline() if program.stdout else ""
-            address = re.search(r"http://\S+", line)
-            if address is None:
-                sys.exit(f"kpopnet teach did not start: {line or 'see above'}")
-            grew = asyncio.run(soak(address[0], program.pid, given.minutes, given.attack))
-        finally:
-            program.terminate()
-            program.wait(60)
+        with log.open("w") as errors, started(*words, errors=errors) as (address, pid):
+            grew = asyncio.run(soak(address, pid, given.minutes, given.attack))
         told = log.read_text(errors="replace")
         print(f"its log: {len(told.encode()):,} bytes\n{told[-2000:]}")
     sys.exit(grew or len(told.encode()) > MOST_LOG_BYTES)
