@@ -6,7 +6,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 from capsule_people import draw_joints
-from spheres import draw_spheres
+from spheres import draw_spheres, row
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.shards import FORMAT, VERSION, shard_path
@@ -20,13 +20,8 @@ WALL_M = 4.0
 
 def draw_person(joints_camera_m: np.ndarray, camera: Camera) -> np.ndarray:
     """(H, W) float32 metres: closely spaced spheres along the bones, 0 elsewhere."""
-    balls = []
-    for a, b in BONES:
-        radii = [RADII_M.get(joint, LIMB_RADIUS_M) for joint in (a, b)]
-        for share in np.linspace(0, 1, 12):
-            centre_m = joints_camera_m[a] * (1 - share) + joints_camera_m[b] * share
-            balls.append((centre_m, radii[0] * (1 - share) + radii[1] * share))
-    return draw_spheres(balls, camera)
+    at, radii_m = joints_camera_m, {joint: RADII_M.get(joint, LIMB_RADIUS_M) for joint in Joint}
+    return draw_spheres((ball for a, b in BONES for ball in row(at[a], at[b], radii_m[a], radii_m[b], 12)), camera)
 
 
 def draw_room(camera: Camera) -> np.ndarray:
@@ -60,14 +55,14 @@ def write_shard(
     depth_mm = np.zeros((count, camera.height, camera.width), np.uint16)
     joints = np.zeros((count, NUM_JOINTS, 3), np.float32)
     boxes = np.zeros((count, 4), np.int16)
-    for row in range(count):
-        joints[row] = draw_joints(np.random.default_rng([7, start + row]))
-        if row in empty:
+    for number in range(count):
+        joints[number] = draw_joints(np.random.default_rng([7, start + number]))
+        if number in empty:
             continue
-        person_mm = np.rint(draw_person(joints[row], camera) * 1000).astype(np.uint16)
-        depth_mm[row] = np.where(person_mm <= room_mm, person_mm, 0)
-        y, x = depth_mm[row].nonzero()
-        boxes[row] = x.min(), y.min(), x.max() + 1, y.max() + 1
+        person_mm = np.rint(draw_person(joints[number], camera) * 1000).astype(np.uint16)
+        depth_mm[number] = np.where(person_mm <= room_mm, person_mm, 0)
+        y, x = depth_mm[number].nonzero()
+        boxes[number] = x.min(), y.min(), x.max() + 1, y.max() + 1
     visible = np.ones((count, NUM_JOINTS), bool)
     visible[list(empty)] = False
     floor = np.array([[0, -1, 0, CAMERA_HEIGHT_M]], np.float32)
