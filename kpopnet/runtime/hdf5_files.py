@@ -4,7 +4,7 @@ Files on one's own disk are opened in this process. Those of strangers are read 
 """
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import ArraySchema, check_array, check_budget, check_fields, expect, first_line, names_in
+from kpopnet.runtime.input_files import ArraySchema, check_array, check_budget, check_fields, expect, names_in, parsing
 
 
 @dataclass(frozen=True)
@@ -79,12 +79,6 @@ def read_array(file: h5py.File, name: str) -> np.ndarray:
     return values.astype(values.dtype.newbyteorder("="), copy=False)
 
 
-@contextmanager
-def readable(path: Path, schema: Hdf5Schema) -> Iterator[None]:
+def readable(path: Path, schema: Hdf5Schema) -> AbstractContextManager:
     """Turns errors of reading a file into an InputError that names it."""
-    try:
-        yield
-    except InputError:
-        raise
-    except (OSError, LookupError, RuntimeError, ValueError, TypeError, MemoryError) as error:
-        raise InputError(f"{path}: {schema.name} cannot be read ({first_line(error)}); {schema.remedy}") from error
+    return parsing(path, f"{schema.name} cannot be read", schema.remedy)

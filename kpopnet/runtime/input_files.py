@@ -54,14 +54,14 @@ def check_budget(path: Path | str, declared_bytes: int, what: str) -> None:
 
 
 @contextmanager
-def parsing(where: Path | str, problem: str) -> Iterator[None]:
-    """Turns what a library's parser raises for damaged bytes, which is of many types, into "WHERE: PROBLEM (reason)"."""
+def parsing(where: Path | str, problem: str, remedy: str = "") -> Iterator[None]:
+    """Turns what a library raises for damaged bytes, which is of many types, into "WHERE: PROBLEM (reason); REMEDY"."""
     try:
         yield
     except InputError:
         raise
     except Exception as error:
-        raise InputError(f"{where}: {problem} ({first_line(error)})") from error
+        raise InputError(f"{where}: {problem} ({first_line(error)}){remedy and f'; {remedy}'}") from error
 
 
 def read_with(reader: Callable[[Path], R], path: Path, problem: str) -> R:

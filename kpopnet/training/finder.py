@@ -25,7 +25,7 @@ from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, load_network, loss, observed
 from kpopnet.runtime.atomic_write import atomic_path, write_json
-from kpopnet.runtime.input_files import first_line, read_json, read_with
+from kpopnet.runtime.input_files import parsing, read_json, read_with
 from kpopnet.skeleton import Joint
 from kpopnet.training.loop import descend, lr_at, progress_bar, update_average
 from kpopnet.training.optimisers import build_optimisers
@@ -172,14 +172,12 @@ class FinderRun:
         """Goes on from the state in the folder; raises InputError if it is missing or damaged."""
         path = self.folder / STATE
         state = read_with(lambda path: torch.load(path, weights_only=True), path, "missing or damaged; cannot be resumed")
-        try:
+        with parsing(path, "its state does not fit this version"):
             self.network.load_state_dict(state["weights"])
             self.average.load_state_dict(state["average"])
             for name, optimiser in self.optimisers.items():
                 optimiser.load_state_dict(state["optimiser"][name])
             self.step = int(state["step"])
-        except (KeyError, RuntimeError, ValueError, TypeError) as error:
-            raise InputError(f"{path}: not of this version ({first_line(error)})") from error
 
 
 @torch.inference_mode()

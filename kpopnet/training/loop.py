@@ -48,7 +48,7 @@ from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.runtime.input_files import first_line
+from kpopnet.runtime.input_files import parsing
 from kpopnet.training.distributed import Processes, join_processes, set_up_torch
 from kpopnet.training.optimisers import OPTIMISERS, build_optimisers
 from kpopnet.training.validation import validate, validation_sheet
@@ -276,15 +276,12 @@ class Run:
         """Loads the state of a checkpoint; raises InputError if it is damaged, of another model, or of a finished run."""
         load_weights(self.average, folder)
         state = load_state(folder)
-        try:
+        with parsing(folder, "its training state does not fit this model or version"):
             self.network.load_state_dict(state["weights"])
             for name, optimiser in self.optimisers.items():
                 optimiser.load_state_dict(state["optimiser"][name])
             self.step, self.best_cm, self.skipped = state["step"], state["best_cm"], state["skipped"]
             self.offset_sum_m, self.offset_count = state["offset_sum_m"].reshape(15, 3), state["offset_count"]
-        except (KeyError, RuntimeError, ValueError, TypeError, AttributeError, IndexError) as error:
-            reason = first_line(error)
-            raise InputError(f"{folder}: its training state does not fit this model or version ({reason})") from error
         if self.step >= self.config.steps:
             raise InputError(f"{folder}: finished already, {self.step} of {self.config.steps} steps are done")
 
