@@ -76,20 +76,17 @@ def make_films(folder: Path) -> None:
         take = maker.take(index)
         take = replace(take, played=slowed(take.played, FINEST, sys.maxsize))
         clean = list(maker.studio.render(take, range(len(take))))
+        person_m, room_m = np.array([one.person_m for one in clean]), clean[0].room_m
+        visible_m = np.where((room_m == 0) | (person_m <= room_m), person_m, np.float32(0))  # where the room does not hide them
         with atomic_path(path) as part, part.open("wb") as file:
             np.savez_compressed(
                 file,
-                person=np.array([np.rint(1e4 * visible_m(one)).astype(np.uint16) for one in clean]),
+                person=np.rint(1e4 * visible_m).astype(np.uint16),
                 joints_m=np.array([one.joints_camera_m for one in clean]),
-                room_m=clean[0].room_m,
+                room_m=room_m,
                 kind=maker.kind(index),
             )
         print(path, maker.kind(index), flush=True)
-
-
-def visible_m(frame: CleanFrame) -> np.ndarray:
-    """(H, W) depth of the person where the room does not hide it, metres."""
-    return np.where((frame.room_m == 0) | (frame.person_m <= frame.room_m), frame.person_m, np.float32(0))
 
 
 @dataclass(frozen=True)
@@ -404,7 +401,8 @@ def response(film: Film, frame: Frame, setting: Setting, number: int, moved_m: f
     Without velocity an error grows by it in each image. With that of Eq. (3) by `with_velocity`: e' = A (2 e - e_before).
     """
     pose_m = surface_joints(film)[number]
-    tracker, _ = started(still_film_of(film, number), setting)
+    still = Film(film.depth_m[number : number + 1], film.joints_m[number : number + 1], film.kind, None)
+    tracker, _ = started(still, setting)
     derivative = np.zeros((3 * NUM_JOINTS,) * 2)
     for column in (3 * joint + axis for joint in JOINTS for axis in range(3)):
         moved = []
@@ -426,10 +424,6 @@ def response(film: Film, frame: Frame, setting: Setting, number: int, moved_m: f
 
 def growth(derivative: np.ndarray) -> float:
     return round(float(np.abs(np.linalg.eigvals(derivative)).max()), 2)
-
-
-def still_film_of(film: Film, number: int) -> Film:
-    return Film(film.depth_m[number : number + 1], film.joints_m[number : number + 1], film.kind, None)
 
 
 def picture(films: list[Path]) -> np.ndarray:

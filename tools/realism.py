@@ -23,6 +23,7 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.itop import FROM_ITOP, ItopBenchmark, ItopConfig
 from kpopnet.datasets.protocol import evenly_spaced
 from kpopnet.errors import InputError, check_between, check_seed
+from kpopnet.evaluation.dances.ranking import wilson_interval
 from kpopnet.evaluation.registry import BENCHMARKS
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.runtime.endings import user_errors
@@ -40,7 +41,6 @@ LARGEST_HOLE_CM2 = 100.0  # a larger enclosed region is the loop of an arm or th
 SAME_SURFACE_STEPS = 3.0  # neighbours that differ by less lie on the same surface
 WINDOW, STILL_STEPS, PASSING_STEPS, FLAT_STEPS, NOISE_AT_M = 5, 0.2, 0.75, 0.7, (2.0, 3.5)  # see `temporal_noise`
 TILE_M, TILE_PX, ROWS, COLUMNS = 2.2, 230, 3, 3
-Z_95 = 1.96
 
 
 @dataclass(frozen=True)
@@ -311,16 +311,13 @@ def read_film_noise(folder: Path) -> list[tuple[float, float]]:
 
 
 def summary(values: np.ndarray, is_share: bool) -> list[float]:
-    """Median, quartiles and number of values, or a share with its 95 % interval (Wilson 1927); empty without values."""
+    """Median, quartiles and number of values, or a share with its 95 % interval; empty without values."""
     count = len(values)
     if not count:
         return []
     if not is_share:
         return [*np.percentile(values, (50, 25, 75)).tolist(), count]
-    share, z2 = float(np.mean(values)), Z_95**2
-    centre = (share + z2 / (2 * count)) / (1 + z2 / count)
-    half = Z_95 / (1 + z2 / count) * float(np.sqrt(share * (1 - share) / count + z2 / (4 * count**2)))
-    return [share, centre - half, centre + half, count]
+    return [float(np.mean(values)), *wilson_interval(int(np.sum(values)), count), count]
 
 
 def compare(real: dict[str, dict[str, np.ndarray]], synthetic: dict[str, np.ndarray]) -> list[dict]:
