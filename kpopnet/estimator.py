@@ -1,13 +1,14 @@
 """The protocol of all pose estimators: a depth sequence and a camera in, joints and confidence out."""
 
 import logging
+from collections.abc import Iterable
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS, Joint
 
 log = logging.getLogger(__name__)
 
@@ -49,14 +50,13 @@ def base_estimator(estimator: Estimator) -> Estimator:
     return getattr(estimator, "estimator", estimator)
 
 
-def start_pose(joints_camera_m: np.ndarray, where: str) -> np.ndarray:
-    """A copy of a pose to track from, (15, 3) float64 joints in metres; raises InputError, at `where`, if one is missing."""
-    joints_m = np.array(joints_camera_m, np.float64)
+def complete_joints(joints_m: np.ndarray, where: str, needed: Iterable[Joint] = Joint) -> np.ndarray:
+    """A (15, 3) float64 copy of a pose in metres. Raises InputError, at `where`: another shape, or a missing joint."""
+    joints_m = np.array(joints_m, np.float64)
     if joints_m.shape != (NUM_JOINTS, 3):
-        raise InputError(f"{where}: expected ({NUM_JOINTS}, 3) joints to start from, found {joints_m.shape}")
-    missing = [JOINT_NAMES[joint] for joint in np.flatnonzero(~np.isfinite(joints_m).all(axis=1))]
-    if missing:
-        raise InputError(f"{where}: expected a start pose with all joints; missing: {', '.join(missing)}")
+        raise InputError(f"{where}: expected ({NUM_JOINTS}, 3) joints, found {joints_m.shape}")
+    if missing := [JOINT_NAMES[joint] for joint in needed if not np.isfinite(joints_m[joint]).all()]:
+        raise InputError(f"{where}: expected a pose with all joints; missing joints: {', '.join(missing)}")
     return joints_m
 
 

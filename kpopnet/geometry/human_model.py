@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.errors import InputError
+from kpopnet.estimator import complete_joints
 from kpopnet.runtime.input_files import read_json, settings_from
-from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS, PAPER_JOINTS, Joint
+from kpopnet.skeleton import PAPER_JOINTS, Joint
 
 LIMB_PARENTS = {
     Joint.RIGHT_ELBOW: Joint.RIGHT_SHOULDER,
@@ -76,12 +77,7 @@ class HumanModel:
 
         Raises InputError for another shape, or if one of the fourteen joints is missing.
         """
-        joints = np.asarray(joints_m, np.float64)
-        if joints.shape != (NUM_JOINTS, 3):
-            raise InputError(f"human model: expected ({NUM_JOINTS}, 3) joints, found {joints.shape}")
-        missing = [JOINT_NAMES[joint] for joint in PAPER_JOINTS if not np.isfinite(joints[joint]).all()]
-        if missing:
-            raise InputError(f"human model: missing joints: {', '.join(missing)}")
+        joints = complete_joints(joints_m, "human model", PAPER_JOINTS)
         head, torso = joints[Joint.HEAD], joints[Joint.TORSO]
         left_shoulder, right_shoulder = joints[Joint.LEFT_SHOULDER], joints[Joint.RIGHT_SHOULDER]
         left_hip, right_hip = joints[Joint.LEFT_HIP], joints[Joint.RIGHT_HIP]

@@ -13,7 +13,7 @@ from scipy.special import expit
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import InputError, check_one_of
-from kpopnet.estimator import Estimate, Start, start_pose, track_sequence
+from kpopnet.estimator import Estimate, Start, complete_joints, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.paper_tracker.algorithm2 import Frame, Plan, State, Structure, frame_of, structure_of, track_frame
 from kpopnet.paper_tracker.repairs import EPSILON_R, repaired
@@ -115,7 +115,7 @@ class PaperTracker:
         As printed, the next image's depth then moves the joints to the surface. Raises InputError for another shape, or if
         joints are missing.
         """
-        self._start(start_pose(joints_camera_m, "paper tracker"))
+        self._start(complete_joints(joints_camera_m, "paper tracker"))
         self._inside = not self.config.repaired
 
     def _start(self, joints: np.ndarray) -> None:

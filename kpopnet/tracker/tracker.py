@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.estimator import Estimator, start_pose
+from kpopnet.estimator import Estimator, complete_joints
 from kpopnet.geometry.body import Body
 from kpopnet.geometry.cones import torso_frame
 from kpopnet.geometry.depth_grid import MIN_POINTS, DepthGrid, build_depth_grid
@@ -107,7 +107,7 @@ class Tracker:
 
     def start(self, joints_camera_m: np.ndarray) -> None:
         """Starts from (15, 3) joints in the camera frame, metres; raises InputError for another shape, or missing joints."""
-        joints_m = start_pose(joints_camera_m, "tracker")
+        joints_m = complete_joints(joints_camera_m, "tracker")
         self._start(joints_m, HumanModel.from_joints(joints_m))
 
     def _start(self, joints_m: np.ndarray, model: HumanModel) -> None:

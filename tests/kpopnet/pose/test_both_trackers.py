@@ -92,7 +92,7 @@ def test_noise_is_no_error(dancer, make) -> None:
 def test_incomplete_start_poses_are_refused(make) -> None:
     joints = cone_joints()
     joints[[Joint.NECK, Joint.LEFT_HAND]] = np.nan
-    with pytest.raises(InputError, match="start pose with all joints; missing: neck, left_hand"):
+    with pytest.raises(InputError, match="a pose with all joints; missing joints: neck, left_hand"):
         make().start(joints)
     with pytest.raises(InputError, match=r"\(15, 3\)"):
         make().start(joints[:3])
