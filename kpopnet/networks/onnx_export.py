@@ -4,7 +4,6 @@ import json
 import logging
 import warnings
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -51,7 +50,10 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
     """
     if path.suffix != ONNX_SUFFIX:
         raise InputError(f"{path}: expected a name that ends in .onnx")
-    onnx = _import_exporter()
+    with optional_library("exporting", "onnx, onnxruntime and onnxscript", "export"):
+        import onnx
+        import onnxruntime  # noqa: F401
+        import onnxscript  # noqa: F401
     model = network.config
     noise = np.random.default_rng(0).uniform(-1, 1, (5, INPUTS[model.input], model.crop_px, model.crop_px))
     crops = noise.astype(np.float32)
@@ -71,14 +73,6 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
         part.write_bytes(content.SerializeToString())
     found = OnnxBackend(path)(crops)
     return max(float(np.abs(one - other).max()) for one, other in zip(expected, found, strict=True))
-
-
-def _import_exporter() -> ModuleType:
-    with optional_library("exporting", "onnx, onnxruntime and onnxscript", "export"):
-        import onnx
-        import onnxruntime  # noqa: F401
-        import onnxscript  # noqa: F401
-    return onnx
 
 
 def _traced(network: PoseNetwork, crops: Tensor) -> Any:
