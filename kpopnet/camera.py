@@ -140,16 +140,11 @@ Kinect (narrow field of view, not binned) and RealSense D435 (58 degrees of heig
 
 
 def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: str = "depth image") -> np.ndarray:
-    """Converts depth given by a user to float32 metres, 0 where nothing was measured.
+    """Converts depth given by a user, an (H, W) image or a (T, H, W) sequence, to float32 metres, 0 where nothing was measured.
 
-    Args:
-        depth: (H, W) image or (T, H, W) sequence; unsigned integers are millimetres, floating point is metres.
-            Negative and non-finite values count as not measured.
-        camera: if given, the depth must have its image size.
-        where: name of the depth in error messages (a file, a frame).
-
-    Raises:
-        InputError: wrong type, number of dimensions or size; no camera; or numbers that look like those of the other unit.
+    Unsigned integers are millimetres, floating point is metres; negative and non-finite values count as not measured. With a
+    camera the depth must have its image size. Raises InputError, for `where`, the depth's name (a file, a frame): wrong type,
+    number of dimensions or size; no camera; or numbers that look like those of the other unit.
     """
     if camera is not None:
         check_camera(camera)

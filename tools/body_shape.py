@@ -53,21 +53,13 @@ VARIATION_WEIGHT = 1.0
 
 
 class Frame(NamedTuple):
-    """One image of one person.
+    """One image of one person."""
 
-    Attributes:
-        person: number of the person.
-        scale: size of the person relative to `REFERENCE_SIZE_M`.
-        rows_m: (25, 3) from `kpopnet.geometry.cones.extend_joints` in metres, with the trunk points at their joints.
-        torso_axes: (3, 3) the torso's right, down and front.
-        points_m: (N, 3) visible points in the camera frame in metres.
-    """
-
-    person: int
-    scale: float
-    rows_m: Tensor
-    torso_axes: Tensor
-    points_m: Tensor
+    person: int  # number of the person
+    scale: float  # size of the person relative to `REFERENCE_SIZE_M`
+    rows_m: Tensor  # (25, 3) from `kpopnet.geometry.cones.extend_joints` in metres, with the trunk points at their joints
+    torso_axes: Tensor  # (3, 3) the torso's right, down and front
+    points_m: Tensor  # (N, 3) visible points in the camera frame in metres
 
 
 def observe(person: int, joints_m: np.ndarray, depth_m: np.ndarray, camera: Camera) -> Frame | None:
@@ -81,11 +73,7 @@ def observe(person: int, joints_m: np.ndarray, depth_m: np.ndarray, camera: Came
 
 
 def load_frames(people: ShardedSet) -> list[Frame]:
-    """Loads images of evenly spaced people of a set.
-
-    Raises:
-        InputError: no person is visible in any image.
-    """
+    """Images of evenly spaced people of a set; raises InputError if no person is visible in any."""
     body_ids = people.column("body")
     first_samples = np.flatnonzero(np.diff(body_ids, prepend=-1))
     starts = first_samples[np.linspace(0, len(first_samples) - 1, min(MAX_PEOPLE, len(first_samples))).astype(int)]
@@ -103,28 +91,19 @@ def load_frames(people: ShardedSet) -> list[Frame]:
 
 
 class BodySurface(torch.nn.Module):
-    """The right half of the body as parameters, in the order of RADII_M and TRUNK_OFFSETS_M.
-
-    Attributes:
-        radii_m: (K, 2) radii at both ends of each kind of part, metres.
-        trunk_offsets_m: (3, 3) offsets of the trunk points from their joints, metres.
-        thickness_offset_m: (people, K) each person's deviation from the radii, metres.
-    """
+    """The right half of the body as parameters in metres, in the order of RADII_M and TRUNK_OFFSETS_M."""
 
     def __init__(self, people: int) -> None:
         super().__init__()
-        self.radii_m = torch.nn.Parameter(torch.tensor(list(RADII_M.values()), dtype=torch.float64))
-        self.trunk_offsets_m = torch.nn.Parameter(
-            torch.tensor([offset for _, offset in TRUNK_OFFSETS_M.values()], dtype=torch.float64)
-        )
-        self.thickness_offset_m = torch.nn.Parameter(torch.zeros(people, len(RADII_M), dtype=torch.float64))
+        offsets_m = [offset for _, offset in TRUNK_OFFSETS_M.values()]
+        self.radii_m = torch.nn.Parameter(torch.tensor(list(RADII_M.values()), dtype=torch.float64))  # (K, 2)
+        self.trunk_offsets_m = torch.nn.Parameter(torch.tensor(offsets_m, dtype=torch.float64))  # (3, 3)
+        self.thickness_offset_m = torch.nn.Parameter(torch.zeros(people, len(RADII_M), dtype=torch.float64))  # to the radii
 
     def signed_distance_m(self, frame: Frame) -> Tensor:
         """(N,) signed distances in metres of a frame's points to the surface of the union of all parts."""
-        right_offsets_m = frame.scale * self.trunk_offsets_m
-        offsets_m = torch.stack([right_offsets_m, right_offsets_m * right_offsets_m.new_tensor((-1, 1, 1))], dim=1).reshape(
-            -1, 3
-        )
+        right_m = frame.scale * self.trunk_offsets_m
+        offsets_m = torch.stack([right_m, right_m * right_m.new_tensor((-1, 1, 1))], dim=1).reshape(-1, 3)
         rows_m = torch.cat([frame.rows_m[:RIGHT_CHEST], frame.rows_m[RIGHT_CHEST:] + offsets_m @ frame.torso_axes])
         radii_m = frame.scale * (self.radii_m + self.thickness_offset_m[frame.person, :, None])[PART_KIND]
         first_m, axis_m = rows_m[PARTS[:, 0]], rows_m[PARTS[:, 1]] - rows_m[PARTS[:, 0]]
@@ -135,13 +114,7 @@ class BodySurface(torch.nn.Module):
 
 
 def fit_surface(frames: list[Frame], steps: int = TRAINING_STEPS, seed: int = 0) -> BodySurface:
-    """Fits the body's surface to the points of all frames, starting from that of `kpopnet.geometry.body`.
-
-    Args:
-        frames: images of people with known joints.
-        steps: number of optimiser steps.
-        seed: of the order of the frames.
-    """
+    """Fits the body's surface to the points of all frames, starting from that of `kpopnet.geometry.body`."""
     surface = BodySurface(1 + max(frame.person for frame in frames))
     optimiser = torch.optim.Adam(surface.parameters(), lr=LEARNING_RATE_M)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda step: 1 - step / steps)

@@ -18,11 +18,7 @@ from pathlib import Path
 
 
 def fingerprint(checkout: Path, folder: Path, options: list[str]) -> dict[str, object]:
-    """What the checkout's own `tools/fingerprint.py` finds.
-
-    Raises:
-        subprocess.CalledProcessError: it failed.
-    """
+    """What the checkout's own `tools/fingerprint.py` finds."""
     program = checkout / "tools" / "fingerprint.py"
     environment = os.environ | {"PYTHONPATH": str(checkout)}
     subprocess.run([sys.executable, str(program), str(folder), *options], cwd=checkout, env=environment, check=True)

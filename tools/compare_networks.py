@@ -125,12 +125,8 @@ def crossed_interval(values: np.ndarray, trainings: Bootstrap, units: Bootstrap)
     """The LEVEL interval of a mean over S trainings, each of which was judged by the same units; None where either are too few.
 
     Trainings and units are resampled independently: Owen, "The pigeonhole bootstrap", Annals of Applied Statistics 1(2), 2007,
-    which is never too narrow in the mean. The ends are the percentiles of the fewer of both.
-
-    Args:
-        values: (DRAWS, S) the figure of each training in the resamples of the units.
-        trainings: of the S trainings, with other random numbers than `units`.
-        units: that gave the values.
+    which is never too narrow in the mean. The ends are the percentiles of the fewer of both. `values` are (DRAWS, S), the
+    figure of each training in the resamples of the units; the resamples of the trainings have other random numbers.
     """
     if min(trainings.units, units.units) < FEWEST_UNITS:
         return None

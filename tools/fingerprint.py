@@ -33,11 +33,7 @@ CLOCKED = ("fps", "seconds", "made", "git", "extraction_fps", "packages")
 
 
 def run(*words: str) -> None:
-    """Runs a command of the checkout.
-
-    Raises:
-        subprocess.CalledProcessError: it failed.
-    """
+    """Runs a command of the checkout."""
     subprocess.run([sys.executable, *words], check=True)
 
 

@@ -65,14 +65,7 @@ def tracked(depth_m: np.ndarray, tracker: Tracker | PaperTracker) -> tuple[np.nd
 
 
 def labelled(depth_m: np.ndarray, camera: Camera, truth_m: np.ndarray, network: Estimator) -> dict[str, Labelled]:
-    """The joints of a person with truth, estimate and evidence, for each kind of weights.
-
-    Args:
-        depth_m: (T, H, W) depth of the person, metres.
-        camera: of the images.
-        truth_m: (T, 15, 3) true joints, metres.
-        network: whose joints are refined.
-    """
+    """For each kind of weights the joints of a person, of whom there are (T, H, W) depth and (T, 15, 3) true joints, metres."""
     estimates = (
         tracked(depth_m, Tracker(camera)),
         tracked(depth_m, PaperTracker(camera, PaperTrackerConfig(repaired=True))),
@@ -89,8 +82,7 @@ def labelled(depth_m: np.ndarray, camera: Camera, truth_m: np.ndarray, network: 
 def describe(name: str, evidence: np.ndarray, error_m: np.ndarray) -> str:
     """Source text of the weights fitted to joints, and how well these and the shipped ones are calibrated on them.
 
-    Raises:
-        InputError: all joints are hits, or none.
+    Raises InputError if all joints are hits, or none.
     """
     hit = error_m < WITHIN_M
     if hit.all() or not hit.any():

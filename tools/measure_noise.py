@@ -87,11 +87,7 @@ def of_films(folder: Path, estimator: str) -> list[Seen]:
 
 
 def of_images(folder: Path, estimator: Estimator) -> list[Seen]:
-    """The learners of a folder of dances in the K-Pop format.
-
-    Raises:
-        InputError: the folder does not exist, or a learner lacks depth or true joints.
-    """
+    """The learners of a folder of dances in the K-Pop format; raises InputError if one lacks depth or true joints."""
     found, dances = [], KpopSet(folder)
     for name in tqdm(dances.names, "dances", unit="dance"):
         dance = dances.dance(name)

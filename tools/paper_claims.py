@@ -91,18 +91,11 @@ def make_films(folder: Path) -> None:
 
 @dataclass(frozen=True)
 class View:
-    """How a film is seen.
+    """How a film is seen."""
 
-    Attributes:
-        pace: images for each of 30 a second.
-        ideal: no noise and the true mask; otherwise a Kinect v1.
-        true_mask: the person as rendered; otherwise as our extraction finds them.
-        seconds: length.
-    """
-
-    pace: int = 1
-    ideal: bool = False
-    true_mask: bool = False
+    pace: int = 1  # images for each of 30 a second
+    ideal: bool = False  # no noise and the true mask; otherwise a Kinect v1
+    true_mask: bool = False  # the person as rendered; otherwise as our extraction finds them
     seconds: float = 6.0
 
 
@@ -153,17 +146,12 @@ def surface_joints(film: Film) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Setting:
-    """A tracker in a view.
-
-    Attributes:
-        start: y (the first Y pose found) or true (the first true pose, on the surface).
-        velocity: of Eq. (3); without it is a repair.
-    """
+    """A tracker in a view."""
 
     config: PaperTrackerConfig = PRINTED
     view: View = View()
-    start: str = "y"
-    velocity: bool = True
+    start: str = "y"  # the first Y pose found, or "true": the first true pose, on the surface
+    velocity: bool = True  # of Eq. (3); without it is a repair
 
 
 def started(film: Film, setting: Setting) -> tuple[PaperTracker, int] | None:

@@ -57,36 +57,18 @@ REDEFINE_STEPS = 25
 
 @dataclass(frozen=True)
 class FittedBody:
-    """The result of a fit to N frames.
+    """The result of a fit to N frames."""
 
-    Attributes:
-        joints_m: (N, 15, 3) joints of the body.
-        residual_m: (N,) median distance of a frame's measured points from the body's surface.
-        clothes_m: thickness of the clothes.
-    """
-
-    joints_m: np.ndarray
-    residual_m: np.ndarray
-    clothes_m: float
+    joints_m: np.ndarray  # (N, 15, 3) joints of the body
+    residual_m: np.ndarray  # (N,) median distance of a frame's measured points from the body's surface
+    clothes_m: float  # thickness of the clothes
 
 
 class PosedBody(torch.nn.Module):
-    """A person's shape, and their pose in N frames, as parameters.
-
-    Attributes:
-        shape: (K,) coefficients in standard deviations.
-        clothes_m: () thickness of the clothes over the skin.
-        root_m: (N, 3) head of the hips bone.
-        turns: (N, P, 3) rotation of every posed bone as an axis times an angle in radians.
-    """
+    """A person's shape, and their pose in N frames, as parameters."""
 
     def __init__(self, root_m: Tensor, facing: Tensor) -> None:
-        """A mean person in the A-pose.
-
-        Args:
-            root_m: (N, 3) where the hips are.
-            facing: (N, 3, 3) rotation from a person who faces the camera.
-        """
+        """A mean person in the A-pose with the hips at (N, 3) `root_m`, turned by (N, 3, 3) from one who faces the camera."""
         super().__init__()
         asset = load_body()
         self.asset = asset
@@ -96,10 +78,10 @@ class PosedBody(torch.nn.Module):
         self.posed = [asset.bone(name) for name in POSED_BONES]
         self.price = torch.tensor(list(POSED_BONES.values()))
         self.facing = facing @ FACING_CAMERA
-        self.shape = torch.nn.Parameter(torch.zeros(len(asset.basis)))
-        self.clothes_m = torch.nn.Parameter(torch.tensor(USUAL_CLOTHES_M))
-        self.root_m = torch.nn.Parameter(root_m)
-        self.turns = torch.nn.Parameter(1e-3 * torch.ones(len(root_m), len(self.posed), 3))
+        self.shape = torch.nn.Parameter(torch.zeros(len(asset.basis)))  # (K,) coefficients in standard deviations
+        self.clothes_m = torch.nn.Parameter(torch.tensor(USUAL_CLOTHES_M))  # thickness over the skin
+        self.root_m = torch.nn.Parameter(root_m)  # (N, 3) head of the hips bone
+        self.turns = torch.nn.Parameter(1e-3 * torch.ones(len(root_m), len(self.posed), 3))  # axes times radians
 
     def forward(self) -> tuple[Tensor, Tensor]:
         """(N, V, 3) vertices of the skin and (N, 15, 3) joints in the camera frame: linear blend skinning."""
@@ -136,13 +118,8 @@ class PosedBody(torch.nn.Module):
 
 
 class Frames:
-    """What is measured in N frames of one person.
-
-    Attributes:
-        points_m: (N, POINTS, 3) measured points.
-        labels_m: (N, 15, 3) labels.
-        outside_px: (N, H, W) distance of every pixel from the silhouette, 0 inside.
-        depth_m: (N, H, W) depth, 0 outside of the silhouette.
+    """What is measured in N frames of one person: (N, POINTS, 3) points, (N, 15, 3) labels, (N, H, W) depth, 0 outside of the
+    silhouette, and distance of every pixel from it, 0 inside.
     """
 
     def __init__(self, depth_m: np.ndarray, camera: Camera, labels_m: np.ndarray, seed: int = 0) -> None:
@@ -165,14 +142,7 @@ class Frames:
 
 
 def fit_body(depth_m: np.ndarray, camera: Camera, labels_m: np.ndarray, label_weight: float = LABEL_WEIGHT) -> FittedBody:
-    """Fits the body of one person to N frames.
-
-    Args:
-        depth_m: (N, H, W) metres, only the person, 0 elsewhere.
-        camera: the camera of these pixels.
-        labels_m: (N, 15, 3) labels, all of them known.
-        label_weight: of the labels beside the depth.
-    """
+    """Fits the body of one person to N frames: (N, H, W) metres, 0 outside the person, and (N, 15, 3) labels, all known."""
     frames = Frames(depth_m, camera, labels_m)
     body = PosedBody(frames.labels_m[:, [9, 10]].mean(1), _facing(frames.labels_m))
     lengths = {"params": [body.root_m, body.clothes_m], "lr": STEP / 5}

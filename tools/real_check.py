@@ -51,15 +51,7 @@ def figures(truth_m: np.ndarray, estimate_m: np.ndarray) -> dict[str, dict]:
 
 
 class Frames:
-    """Frames with labels of several people, and what a network estimates in them.
-
-    Attributes:
-        person: (N,) who is seen.
-        sequence: (N,) name of the sequence.
-        depth_m: (N, H, W).
-        labels_m: (N, 15, 3).
-        estimate_m: (N, 15, 3).
-    """
+    """N frames with labels of several people, and what a network estimates in them."""
 
     def __init__(self, benchmark: UtdMhadBenchmark, network: Estimator, every: int) -> None:
         person, names, depth_m, labels_m, estimate_m = [], [], [], [], []

@@ -199,10 +199,8 @@ def temporal_noise(depth_m: np.ndarray) -> tuple[float, float] | None:
 
     A pixel is still in a pair of frames if the means of the WINDOW frames before and after agree to STILL_STEPS, those of the
     pair and of the frames around to PASSING_STEPS, and those of its four neighbours to FLAT_STEPS: none of them depends on
-    the difference of the pair. People sway, so on people this is an upper bound of the sensor's noise.
-
-    Args:
-        depth_m: (T, H, W) float32 metres of a static camera, 0 where nothing was measured.
+    the difference of the pair. People sway, so on people this is an upper bound of the sensor's noise. `depth_m` is (T, H, W)
+    of a static camera, 0 where nothing was measured.
     """
     differences, products = [np.empty(0)], [np.empty(0)]
     for first in range(0, len(depth_m) - 2 * WINDOW - 1, WINDOW):
@@ -254,11 +252,7 @@ class Source:
 
 
 def read_real(path: Path, count: int, seed: int) -> Source:
-    """A folder of UTD-MHAD, a folder of ITOP, or an .npz file with ITOP's joints as `side_m` (N, 15, 3).
-
-    Raises:
-        InputError: none of the three, or files that cannot be read.
-    """
+    """A folder of UTD-MHAD, a folder of ITOP, or an .npz file with ITOP's joints as `side_m` (N, 15, 3); else an InputError."""
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as file:
             return Source("ITOP", joints_m=file["side_m"] * FROM_ITOP)

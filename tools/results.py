@@ -115,11 +115,8 @@ def load(name: str) -> dict:
 
 
 def pooled(parts: list[dict], what: str = "map_10cm") -> Value:
-    """A figure of one estimator over all its rows, with its interval over people; without one for fewer than FEWEST_UNITS.
-
-    Args:
-        parts: of the estimator in each row, as `_kept` has them.
-        what: map_10cm, moving_10cm or mean_error_cm.
+    """A figure of one estimator over all its rows (`_kept`), with its interval over people; without one for fewer than
+    FEWEST_UNITS. `what` is map_10cm, moving_10cm or mean_error_cm.
     """
     people = [one for part in parts for one in part["per_person"].values()]
     labelled, missing, moving = (

@@ -47,8 +47,7 @@ OVER_TIME = "over_time_causal.safetensors", "over_time_future.safetensors"
 def ship(checkpoint: Path, folder: Path) -> None:
     """Writes weights, description and digests into a folder that holds an `__init__.py` like that of kpopnet.weights.
 
-    Raises:
-        InputError: no checkpoint; weights too large for float16; a description that names a path.
+    Raises InputError: no checkpoint; weights too large for float16; a description that names a path.
     """
     network, meta = load_network(checkpoint)
     meta = portable(meta)

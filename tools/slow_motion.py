@@ -22,15 +22,10 @@ TIMES, FRAMES = 4, 480
 
 @dataclass(frozen=True)
 class SlowEvalSim(EvalSim):
-    """Films the motions of simulated EVAL in slow motion, each at the place that it has at full speed.
+    """Films the motions of simulated EVAL in slow motion, each at the place that it has at full speed."""
 
-    Attributes:
-        times: how many times as long each motion takes.
-        filmed: greatest number of frames of a sequence.
-    """
-
-    times: int = TIMES
-    filmed: int = FRAMES
+    times: int = TIMES  # how many times as long each motion takes
+    filmed: int = FRAMES  # greatest number of frames of a sequence
 
     def take(self, index: int) -> Take:
         take = super().take(index)

@@ -38,21 +38,14 @@ from synth.motion.skeleton import LEG_M, NUM_JOINTS, Motion
 
 
 class Format(NamedTuple):
-    """A file format.
+    """A file format."""
 
-    Attributes:
-        make: writes a valid example into an empty folder.
-        files: patterns of the files to mutate, below the folder.
-        read: reads the example as a program does, and gives what it holds; raises InputError where it is invalid.
-        every: of how many cases one is run, where a case is expensive.
-        is_own: whether only its owner has it on the disk, and it is read in the program's own process: bytes in the structures
-            of HDF5 are not changed, because its library crashes on some.
-    """
-
-    make: Callable[[Path], object]
-    files: tuple[str, ...]
-    read: Callable[[Path], list[np.ndarray]]
-    every: int = 1
+    make: Callable[[Path], object]  # writes a valid example into an empty folder
+    files: tuple[str, ...]  # patterns of the files to mutate, below the folder
+    read: Callable[[Path], list[np.ndarray]]  # as a program does; raises InputError where the example is invalid
+    every: int = 1  # of how many cases one is run, where a case is expensive
+    # whether only its owner has it on the disk, and it is read in the program's own process: bytes in the structures of HDF5
+    # are not changed, because its library crashes on some
     is_own: bool = False
 
 

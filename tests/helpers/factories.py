@@ -40,15 +40,10 @@ def write_shard(
     empty: tuple[int, ...] = (),
     kind: str = "clean",
 ) -> Path:
-    """Writes one valid shard and returns its path.
+    """Writes one valid shard into a folder, created if necessary, and returns its path.
 
-    Args:
-        folder: the set's folder, created if necessary.
-        shard: its number; its samples start at shard * count, and a sample's number seeds its person.
-        count: number of samples.
-        camera: a level camera.
-        empty: rows that show no person.
-        kind: "clean", or "frozen" with the clean depth and an empty ridge image.
+    Its samples start at shard * count, and a sample's number seeds its person; the rows `empty` show none. The camera is level;
+    a "frozen" shard has the clean depth and an empty ridge image.
     """
     start = shard * count
     room_mm = np.rint(draw_room(camera) * 1000).astype(np.uint16)

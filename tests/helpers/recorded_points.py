@@ -8,15 +8,9 @@ FRAMES = 50
 
 
 def person(heading_rad: float = 0.0, unit_m: float = 1.0, z_up: bool = False) -> dict[str, np.ndarray]:
-    """Positions of a person whose right hand rises.
+    """(T, 3) positions of a person whose right hand rises, by the joints' names, in a unit of so many metres.
 
-    Args:
-        heading_rad: rotation about the vertical axis; at 0 the person faces +z (before z_up is applied).
-        unit_m: unit of the positions in metres.
-        z_up: z points up instead of y.
-
-    Returns:
-        Joint name to (T, 3) positions.
+    At heading 0 the person faces +z, before `z_up` makes z point up instead of y.
     """
     at = {
         "HEAD": (0, 1.6, 0), "NECK": (0, 1.45, 0), "SHOULDER": (0.18, 1.4, 0), "ELBOW": (0.25, 1.15, 0),

@@ -72,13 +72,9 @@ def write_ros(
 ) -> Path:
     """Writes (T, H, W) uint16 millimetres into a bag of the kind of the path's ending; without one, a folder of ROS 2.
 
-    Args:
-        path: of the bag.
-        images: the same for all topics.
-        topics: names and encodings; of compressed images the whole format.
-        camera: model and coefficients of the lens; None writes no CameraInfo.
-        projection: the matrix P, for images without distortion.
-        unit_m: of the numbers in `images`; then it is RealSense's kind of bag.
+    `topics`, which all get these images, are names and encodings, of compressed images the whole format; `camera` is the lens's
+    model and coefficients, None for no CameraInfo, `projection` the matrix P, for images without distortion. With `unit_m`, of
+    the numbers in `images`, it is RealSense's kind of bag.
     """
     from rosbags import rosbag1, rosbag2
 
