@@ -21,10 +21,7 @@ class Observation:
 
 
 class ObservationSource(Protocol):
-    """Observations by index.
-
-    The same (index, epoch) gives the same observation in any process. A new epoch may draw new noise.
-    """
+    """Observations by index: one (index, epoch) gives the same in any process, another epoch may draw new noise."""
 
     def __len__(self) -> int: ...
 

@@ -22,8 +22,7 @@ TRUNK_OFFSETS_M = {
     RIGHT_RIBS: (Joint.TORSO, (0.047, -0.127, 0.012)),
     RIGHT_PELVIS: (Joint.RIGHT_HIP, (-0.068, -0.001, 0.030)),
 }
-"""For each trunk point the joint that it moves with, and its offset from that joint in metres: to the torso's right, down and
-front."""
+"""The joint that each trunk point moves with, and its offset from that in metres: to the torso's right, down and front."""
 
 RADII_M = {
     (Joint.NECK, Joint.HEAD): (0.043, 0.111),
@@ -62,8 +61,7 @@ _MIRRORED_PARTS = [
 ]
 PARTS = np.array([ends for *ends, _ in _MIRRORED_PARTS])
 PART_KIND = np.array([kind for *_, kind in _MIRRORED_PARTS])
-"""`PARTS`: (P, 2) the rows at the two ends of each part. `PART_KIND`: (P,) its index in RADII_M, the same for a part and its
-mirror image."""
+"""`PARTS`: (P, 2) the rows at both ends of each part. `PART_KIND`: (P,) its index in RADII_M, that of its mirror image too."""
 
 LIMBS = np.array(
     [

@@ -148,9 +148,7 @@ def _take_nearer(nearest, y, x, step):
 
 
 def denoised(depth_m: np.ndarray) -> np.ndarray:
-    """The (H, W) depth of a person, metres: each measured pixel is the median of those around it where the sensor is noisy,
-    else the same array.
-    """
+    """The (H, W) depth of a person, metres: medians around measured pixels where the sensor is noisy, else the same array."""
     return _medians(depth_m) if _is_noisy(depth_m) else depth_m
 
 

@@ -46,8 +46,7 @@ MIN_GAIN_M2 = 1e-4
 """A limb is refitted if the cost decreases by at least this many square metres."""
 
 EXPLAINED_M = 0.02
-"""Points closer than this to another part's surface, in metres, are left out of a limb's cost: the limb gains little from
-them."""
+"""Points closer than this to another part's surface, in metres, are left out of a limb's cost, which gains little by them."""
 
 
 def _limb_poses() -> tuple[np.ndarray, np.ndarray]:

@@ -80,8 +80,7 @@ SUBSAMPLE_POINTS = 200
 """Gauss-Newton iterations before and after the limbs are refitted, the former with about this number of points."""
 
 MAX_COST_M2 = 1.2e-3
-"""Largest cost of a start, in square metres. Of simulated people (split train) found within 8 cm on average, 99 % have at most
-1.0e-3."""
+"""Largest cost of a start, square metres. Of simulated people (split train) found within 8 cm 99 % have at most 1.0e-3."""
 
 
 FoundStart = tuple[np.ndarray, HumanModel]

@@ -21,8 +21,7 @@ from kpopnet.tracker.limbs import refit_limbs, swap_crossed_limbs
 from kpopnet.tracker.start import find_start
 
 VELOCITY_DAMPING, MAX_STEP_M = 0.5, 0.15
-"""Expected pose = last pose + `VELOCITY_DAMPING` x last step, whose coordinates are clipped to `MAX_STEP_M` metres per
-frame."""
+"""Expected pose = last pose + `VELOCITY_DAMPING` x last step, whose coordinates are clipped to `MAX_STEP_M` metres a frame."""
 
 SUBSAMPLE_POINTS = 200
 """Approximate number of points with which poses are compared; the final fit uses all points. 400 find no more joints."""

@@ -86,11 +86,7 @@ def write_video(path: Path, images: np.ndarray, codec: str = "ffv1", pixels: str
 
 
 class SoftwareCamera:
-    """A simulated RealSense camera, made with the maker's library.
-
-    Attributes:
-        device: what the library's functions take for a camera.
-    """
+    """A simulated RealSense camera, made with the maker's library, whose functions take `device` for a camera."""
 
     def __init__(self, unit_m: float = 0.001, camera: Camera = CAMERA) -> None:
         import pyrealsense2 as rs

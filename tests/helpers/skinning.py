@@ -8,12 +8,8 @@ from synth.body.shape import Person
 
 
 def skinned(person: Person, rotations: np.ndarray, root_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 3) vertices and (15, 3) joints in the world, metres.
-
-    Args:
-        person: the body.
-        rotations: (B, 3, 3) local rotations relative to the T-pose.
-        root_m: (3,) head of the hips bone in the world, metres.
+    """(N, 3) vertices and (15, 3) joints in the world, metres, of (B, 3, 3) local rotations relative to the T-pose and the head
+    of the hips bone in the world.
     """
     asset, skin = load_body(), load_skin()
     world_rotation, world_m = np.empty((len(rotations), 3, 3)), np.empty((len(rotations), 3))

@@ -118,10 +118,7 @@ def stamped(bgr: np.ndarray, number: int) -> np.ndarray:
 
 
 def write_film(path: Path, learner: FilmedLearner, frames: range, repeated: int = 1) -> np.ndarray:
-    """Writes frames of a dance as a film of motion JPEG, each `repeated` times.
-
-    Returns their (T, 15, 3) true joints, metres, camera frame.
-    """
+    """Writes frames of a dance as motion JPEG, each `repeated` times; their (T, 15, 3) true joints, metres, camera frame."""
     joints_m = []
     with path.open("wb") as file:
         for number in frames:

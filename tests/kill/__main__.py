@@ -38,11 +38,7 @@ KINDS = FAILURES, DEATHS = ["failures", "deaths"]
 
 
 class Runs:
-    """The runs of one program, and what was seen of them.
-
-    Attributes:
-        expected: the result of an undisturbed run.
-    """
+    """The runs of one program, and what was seen of them; `expected` is the result of an undisturbed one."""
 
     def __init__(self, program: Program, folder: Path, rng: random.Random, kinds: list[str]) -> None:
         self._program, self._rng = program, rng

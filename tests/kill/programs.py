@@ -26,15 +26,10 @@ LEARNER = {"joints_m": ArraySchema("f", ("T", 15, 3))}
 
 
 class Program(NamedTuple):
-    """A program with small settings.
+    """A program with small settings."""
 
-    Attributes:
-        command: folder of a run to the command that starts it, or takes it up again.
-        result: folder of a finished run to what must not depend on kills.
-    """
-
-    command: Callable[[Path], list[str]]
-    result: Callable[[Path], Any]
+    command: Callable[[Path], list[str]]  # that starts a run in a folder, or takes it up again
+    result: Callable[[Path], Any]  # what of a finished run must not depend on kills
 
 
 def files_in(folder: Path) -> dict[str, bytes]:
@@ -156,8 +151,7 @@ def finder(folder: Path) -> Program:
 
 
 def teacher(folder: Path) -> Program:
-    """The dance teacher adds 5 dances and saves 5 tries; what it said to have kept must be there, and all that is listed
-    whole."""
+    """The dance teacher adds 5 dances and saves 5 tries; what it said to have kept is there, and all that is listed whole."""
     from kpopnet.teacher.library import Library
     from kpopnet.teacher.tries import Tries
     from synth.body.teacher import teacher_arrays
