@@ -7,7 +7,6 @@ bit on a CPU with the same number of threads.
 import logging
 import math
 import sys
-from copy import deepcopy
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -27,8 +26,8 @@ from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, load_ne
 from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.input_files import parsing, read_json, read_with
 from kpopnet.skeleton import Joint
-from kpopnet.training.loop import descend, lr_at, progress_bar, update_average
-from kpopnet.training.optimisers import build_optimisers
+from kpopnet.training.descent import Descent
+from kpopnet.training.loop import progress_bar
 
 log = logging.getLogger(__name__)
 
@@ -117,19 +116,17 @@ class LoadedImages:
         )
 
 
-class FinderRun:
+class FinderRun(Descent):
     """The state of a training."""
 
     def __init__(self, config: FinderTraining, seed: int, folder: Path) -> None:
         self.config, self.seed, self.folder = config, seed, folder
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.network = FinderNetwork().to(memory_format=torch.channels_last)
+            network = FinderNetwork().to(memory_format=torch.channels_last)
         if config.start is not None and not config.resume:
-            self.network.load_state_dict(load_network(config.start).state_dict())
-        self.average = deepcopy(self.network).eval().requires_grad_(False)
-        self.optimisers = build_optimisers(self.network, "muon", config.lr)
-        self.step = 0
+            network.load_state_dict(load_network(config.start).state_dict())
+        super().__init__(network, "muon", config.lr, config.steps, CLIP_NORM)
         if config.resume:
             self.load()
         elif (folder / STATE).exists():
@@ -137,13 +134,9 @@ class FinderRun:
 
     def update(self, image: Tensor, target: Target) -> dict[str, float]:
         """Takes one step; returns the terms of the loss."""
-        lr = lr_at(self.step, self.config.lr, self.config.steps)
         self.network.train()
         terms = loss(self.network(image), target)
-        total = torch.stack(list(terms.values())).sum()
-        descend(self.network, self.optimisers, total, lr, CLIP_NORM, f"step {self.step}")
-        update_average(self.average, self.network, self.step)
-        self.step += 1
+        self.descend(torch.stack(list(terms.values())).sum())
         return {name: float(term.detach()) for name, term in terms.items()}
 
     def check_same(self, described: dict) -> None:
@@ -156,28 +149,19 @@ class FinderRun:
     def save(self, described: dict) -> None:
         """Writes weights, description and state, each whole or not at all; the state last: before it a killed run goes back."""
         weights = {name: value.contiguous() for name, value in self.average.state_dict().items()}
-        state = {
-            "step": self.step,
-            "weights": self.network.state_dict(),
-            "average": weights,
-            "optimiser": {name: one.state_dict() for name, one in self.optimisers.items()},
-        }
         with atomic_path(self.folder / WEIGHTS) as part:
             part.write_bytes(safetensors.torch.save(weights))
         write_json(self.folder / META, {"step": self.step, **described})
         with atomic_path(self.folder / STATE) as part:
-            torch.save(state, part)
+            torch.save(self.state() | {"average": weights}, part)
 
     def load(self) -> None:
         """Goes on from the state in the folder; raises InputError if it is missing or damaged."""
         path = self.folder / STATE
         state = read_with(lambda path: torch.load(path, weights_only=True), path, "missing or damaged; cannot be resumed")
         with parsing(path, "its state does not fit this version"):
-            self.network.load_state_dict(state["weights"])
+            self.load_state(state)
             self.average.load_state_dict(state["average"])
-            for name, optimiser in self.optimisers.items():
-                optimiser.load_state_dict(state["optimiser"][name])
-            self.step = int(state["step"])
 
 
 @torch.inference_mode()

@@ -1,8 +1,8 @@
 """The training loop: data, step, weight averaging, validation, checkpoints, resuming.
 
-Each step depends only on the seed and the step number: the batch (kpopnet.data.batches), the learning rate (`lr_at`) and
-the decay of the average are pure functions of them. Therefore a run that was stopped and resumed equals an uninterrupted
-run, bit for bit on a CPU with the same number of threads.
+Each step depends only on the seed and the step number: the batch (kpopnet.data.batches), the learning rate and the decay of
+the average (kpopnet.training.descent) are pure functions of them. Therefore a run that was stopped and resumed equals an
+uninterrupted run, bit for bit on a CPU with the same number of threads.
 """
 
 import gc
@@ -11,13 +11,11 @@ import math
 import sys
 from collections.abc import Callable
 from contextlib import closing, nullcontext
-from copy import deepcopy
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import torch
-from torch import Tensor, nn
-from torch.optim import Optimizer
+from torch import Tensor
 from torch.utils.data import DataLoader
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
@@ -49,17 +47,12 @@ from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.input_files import parsing
+from kpopnet.training.descent import Descent
 from kpopnet.training.distributed import Processes, join_processes, set_up_torch
-from kpopnet.training.optimisers import OPTIMISERS, build_optimisers
+from kpopnet.training.optimisers import OPTIMISERS
 from kpopnet.training.validation import validate, validation_sheet
 
 log = logging.getLogger(__name__)
-
-WARMUP = 0.07
-"""Fraction of the steps in which the learning rate rises."""
-
-AVERAGE = 0.999
-"""Decay per step of the exponential moving average of the weights, which is validated and stored."""
 
 LOG_EVERY = 20
 """Steps between scalars in TensorBoard."""
@@ -140,72 +133,23 @@ class RunConfig:
             raise InputError(f"training.small_crops: a {self.model.kind} network takes crops of one size; set its share to 0")
 
 
-def lr_at(step: int, peak: float, steps: int) -> float:
-    """Learning rate of one cycle (Smith 2018): half a cosine from peak/25 up to the peak, then one down to peak/10,000."""
-    rising = WARMUP * steps
-    if step < rising:
-        low, fraction = peak / 25, step / rising
-        return low + (peak - low) * (1 - math.cos(math.pi * fraction)) / 2
-    low, fraction = peak / 1e4, (step - rising) / max(1, steps - rising)
-    return low + (peak - low) * (1 + math.cos(math.pi * fraction)) / 2
-
-
-def descend(
-    network: nn.Module, optimisers: dict[str, Optimizer], loss: Tensor, lr: float, clip_norm: float, where: str
-) -> Tensor:
-    """Changes the weights against the gradient of a loss; returns the gradient's norm before it was scaled to `clip_norm`.
-
-    Raises InputError, before it changes a weight, if the loss or its gradient is not finite.
-    """
-    network.zero_grad()
-    loss.backward()
-    norm = nn.utils.clip_grad_norm_(network.parameters(), clip_norm)
-    if not math.isfinite(float(loss.detach() + norm)):
-        raise InputError(
-            f"{where}: loss {float(loss.detach()):g} with a gradient of norm {float(norm):g} at a learning rate of {lr:g}; "
-            "stopped before the update; a smaller training.lr may help"
-        )
-    for optimiser in optimisers.values():
-        for group in optimiser.param_groups:
-            group["lr"] = lr
-        optimiser.step()
-    return norm
-
-
 def progress_bar(steps: int, done: int) -> tqdm:
     """The bar of a run's steps; rarer lines where standard error is not a terminal."""
     every_s = 0.2 if sys.stderr.isatty() else LINE_EVERY_S
     return tqdm(total=steps, initial=done, desc="training", unit="step", mininterval=every_s)
 
 
-def decay_at(step: int) -> float:
-    """Decay of the weight average; smaller during the first steps, so that the initial weights vanish quickly."""
-    return min(AVERAGE, (1 + step) / (10 + step))
-
-
-def update_average(average: nn.Module, network: nn.Module, step: int) -> None:
-    """Moves the averaged weights towards those of the network after a step; counts are copied."""
-    weight = 1 - decay_at(step)
-    for averaged, value in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
-        if averaged.is_floating_point():
-            averaged.lerp_(value, weight)
-        else:
-            averaged.copy_(value)
-
-
-class Run:
-    """The state of a training: weights, their average, optimiser, step, lowest error, mean pose."""
+class Run(Descent):
+    """The state of a training: a `Descent`, with lowest error and mean pose."""
 
     def __init__(self, config: TrainingConfig, model: ModelConfig, seed: int, processes: Processes) -> None:
         """Starts a run, from the weights of `config.start` if given, or resumes that of `config.resume`."""
         self.config = config
         self.processes = processes
-        self.network = build_network(model, seed).to(processes.device)
+        network = build_network(model, seed).to(processes.device)
         if config.start is not None and config.resume is None:
-            load_initial_weights(self.network, config.start)
-        self.average = deepcopy(self.network).eval().requires_grad_(False)
-        self.optimisers = build_optimisers(self.network, config.optimiser, config.lr)
-        self.step = 0
+            load_initial_weights(network, config.start)
+        super().__init__(network, config.optimiser, config.lr, config.steps, config.clip_norm)
         self.best_cm = math.inf
         self.offset_sum_m = torch.zeros(15, 3, dtype=torch.float64)
         self.offset_count = 0
@@ -228,21 +172,17 @@ class Run:
         Raises InputError, before it changes a weight, if the loss or its gradient is not finite.
         """
         crop, target = batch.crop.to(self.processes.device), batch.target.to(self.processes.device)
-        lr = lr_at(self.step, self.config.lr, self.config.steps)
-
         # Step
         self.network.train()
         prediction = self.data_parallel(crop)
         losses = self.network.head.loss(prediction, target)
         loss = sum(losses.values())
-        norm = descend(self.network, self.optimisers, loss, lr, self.config.clip_norm, f"step {self.step}")
-        update_average(self.average, self.network, self.step)
+        norm, lr = self.descend(loss)
 
         # Statistics
         self.offset_sum_m += batch.offset_m.double().sum(0)
         self.offset_count += len(batch.offset_m)
         self.skipped += batch.skipped
-        self.step += 1
         error = (prediction.joints.detach() - target).norm(dim=-1).mean() * self.network.config.half_size_m
         return {
             "loss": loss.detach(),
@@ -259,10 +199,7 @@ class Run:
         """
         best = metrics["mean_error_cm"] < self.best_cm
         self.best_cm = min(self.best_cm, metrics["mean_error_cm"])
-        state = {
-            "step": self.step,
-            "weights": self.network.state_dict(),
-            "optimiser": {name: optimiser.state_dict() for name, optimiser in self.optimisers.items()},
+        state = self.state() | {
             "best_cm": self.best_cm,
             "offset_sum_m": self.offset_sum_m,
             "offset_count": self.offset_count,
@@ -277,10 +214,8 @@ class Run:
         load_weights(self.average, folder)
         state = load_state(folder)
         with parsing(folder, "its training state does not fit this model or version"):
-            self.network.load_state_dict(state["weights"])
-            for name, optimiser in self.optimisers.items():
-                optimiser.load_state_dict(state["optimiser"][name])
-            self.step, self.best_cm, self.skipped = state["step"], state["best_cm"], state["skipped"]
+            self.load_state(state)
+            self.best_cm, self.skipped = state["best_cm"], state["skipped"]
             self.offset_sum_m, self.offset_count = state["offset_sum_m"].reshape(15, 3), state["offset_count"]
         if self.step >= self.config.steps:
             raise InputError(f"{folder}: finished already, {self.step} of {self.config.steps} steps are done")
