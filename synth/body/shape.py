@@ -35,7 +35,7 @@ class BodyConfig:
         check_between("body.shape_jitter", self.shape_jitter, 0, 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Person:
     """One body at rest (Anny's A-pose)."""
 

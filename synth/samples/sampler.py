@@ -160,7 +160,7 @@ class Sampler:
         self.scene = Scene(config.camera.build())
         self.renderer = make_renderer(config.renderer, self.scene)
         self._seed = (seed, SPLITS.index(split))
-        self._fitted = lru_cache(BLOCK)(lambda number: self.scene.fit(self.person(number)))
+        self._known_person = lru_cache(BLOCK)(self.person)
         self._room: tuple[int, RenderedRoom] | None = None
 
     def close(self) -> None:
@@ -205,7 +205,7 @@ class Sampler:
             lifts_m = np.maximum(height_above_floor(poses.quats, poses.root_m), 0) / poses.leg_m
             rejected = []
             for j, k in enumerate(pending):
-                self._set_person(numbers[k])
+                scene.set_person(self._known_person(numbers[k]))
                 local = self._body_rotations(generators[k], poses.quats[j])
                 scene.pose(local, np.zeros(3))
                 penetration_m = scene.penetration_m()
@@ -227,14 +227,9 @@ class Sampler:
         yaw = rng.uniform(-np.pi, np.pi) if rng.random() < config.turned else np.radians(config.turn_deg) * rng.normal()
         return body_rotations(self.scene.asset, quats, yaw, rng.uniform(0.0, 1.5, 2))
 
-    def _set_person(self, number: int) -> None:
-        fitted = self._fitted(number)
-        if self.scene.person is not fitted.person:
-            self.scene.set_person(fitted)
-
     def _posed_body(self, pose: _Pose) -> Body:
         """The person in the pose, with the hips at the world's origin."""
-        self._set_person(pose.number)
+        self.scene.set_person(self._known_person(pose.number))
         self.scene.pose(pose.local, np.zeros(3))
         vertices_m = self.renderer.vertices_world_m().copy()
         torso_m = self.scene.joints_world_m()[Joint.TORSO]
@@ -321,7 +316,7 @@ class Sampler:
             if hidden_fraction(person_m, other_m, room.depth_mm) <= MAX_HIDDEN:
                 drawn_m = other_m
                 break
-        self._set_person(own.number)
+        scene.set_person(self._known_person(own.number))
         scene.pose(own.local, placed.place_m)
         return drawn_m
 

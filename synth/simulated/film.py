@@ -133,7 +133,7 @@ class Studio:
         0 the motion's +Z axis points towards the camera. `curls_rad` (2,) is the flexion of the left and right fingers.
         """
         scene, scale = self.scene, person.leg_m / motion.leg_m
-        self._set_person(person)
+        scene.set_person(person)
         local = body_rotations(scene.asset, motion.quats, yaw_rad, curls_rad)
         hover_m = np.maximum(height_above_floor(motion.quats, motion.root_m), 0) * scale
         # The motion's y is up and its z in front: (x, y, z) -> (x, -z, y), then rotated by yaw_rad.
@@ -216,7 +216,7 @@ class Studio:
 
     def joints_world_m(self, person: Person, local: np.ndarray, hips_m: np.ndarray) -> np.ndarray:
         """(T, 15, 3) joints in the world, metres, from (T, B, 4) local rotations and (T, 3) positions of the hips, metres."""
-        self._set_person(person)
+        self.scene.set_person(person)
         joints = []
         for quats, root_m in zip(local, hips_m, strict=True):
             self.scene.pose(quats, root_m)
@@ -254,12 +254,8 @@ class Studio:
 
     def pose(self, played: Played, number: int, place_m: np.ndarray) -> None:
         """Poses the person of a motion as in frame `number`, moved by (3,) metres in the world."""
-        self._set_person(played.person)
+        self.scene.set_person(played.person)
         self.scene.pose(played.local[number], played.hips_m[number] + place_m)
-
-    def _set_person(self, person: Person) -> None:
-        if self.scene.person is not person:
-            self.scene.set_person(self.scene.fit(person))
 
 
 def measure_frame(

@@ -54,7 +54,7 @@ def test_the_markers_of_every_joint_are_near_it():
 
 def test_the_trunk_occludes_its_back_from_cameras_in_front(maker):
     scene, take = maker.studio.scene, maker.take(0)
-    scene.set_person(scene.fit(take.played.person))
+    scene.set_person(take.played.person)
     scene.pose(take.played.local[0], take.played.hips_m[0])
     skin_m, offset_m = maker.studio.renderer.vertices_world_m(), 8 * scene.facing_world()
 
