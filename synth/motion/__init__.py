@@ -90,10 +90,9 @@ class MixedPoses:
             if len(rows):
                 parts.append(source.poses([generators[i] for i in rows]))
                 order.extend(rows)
-        inverse = np.argsort(order)
-        names = [name for part in parts for name in part.names]
-        quats, root_m, leg_m = (np.concatenate([getattr(p, a) for p in parts])[inverse] for a in ("quats", "root_m", "leg_m"))
-        return Poses(quats, root_m, leg_m, [names[i] for i in inverse])
+        inverse, drawn = np.argsort(order), Poses.joined(parts)
+        names = [drawn.names[i] for i in inverse]
+        return Poses(drawn.quats[inverse], drawn.root_m[inverse], drawn.leg_m[inverse], names)
 
 
 def _choreography(config: MotionConfig, split: str) -> MotionSource:

@@ -13,7 +13,7 @@ from synth.motion.choreography.moves import Move, concat, mirror, repeat, scale,
 from synth.motion.choreography.stage import Style, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
 from synth.motion.limbs import choose, uniform
-from synth.motion.skeleton import LEG_M, Motion, Poses, facing_front
+from synth.motion.skeleton import Motion, Poses, still
 
 COUNTS = 8
 BPM = (90.0, 140.0)
@@ -104,7 +104,7 @@ class Choreography:
 
     def __init__(self, dances: int, seed: int, seconds: float, fps: float) -> None:
         self._dances, self._seed, self._seconds, self._fps = dances, seed, seconds, fps
-        self._still = lru_cache(maxsize=None)(lambda i: dance(i, seed, seconds, self._STILLS_FPS))
+        self._slow = lru_cache(maxsize=None)(lambda i: dance(i, seed, seconds, self._STILLS_FPS))
 
     def __len__(self) -> int:
         return self._dances
@@ -116,14 +116,7 @@ class Choreography:
         return dance(index, self._seed, self._seconds, self._fps)
 
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
-        """A random frame of a random dance per generator, rotated to face +Z."""
-        quats, heights, names = [], [], []
-        for generator in generators:
-            motion = self._still(int(generator.random() * self._dances))
-            frame = int(generator.random() * len(motion))
-            quats.append(motion.quats[frame])
-            heights.append(motion.root_m[frame, 1])
-            names.append(f"{motion.name}@{frame / motion.fps:.1f}s")
-        root_m = np.zeros((len(quats), 3), np.float32)
-        root_m[:, 1] = heights
-        return Poses(facing_front(np.array(quats)), root_m, np.full(len(quats), LEG_M, np.float32), names)
+        """A random frame of a random dance per generator."""
+        dances = [self._slow(int(generator.random() * self._dances)) for generator in generators]
+        frames = [int(generator.random() * len(motion)) for generator, motion in zip(generators, dances, strict=True)]
+        return Poses.joined(list(map(still, dances, frames)))
