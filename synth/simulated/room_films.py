@@ -94,16 +94,6 @@ class ClearFrame(NamedTuple):
     whole_px: np.ndarray  # (P,) int
 
 
-@dataclass(frozen=True)
-class RoomShot:
-    """One measured frame of P people."""
-
-    depth_mm: np.ndarray  # (H, W) uint16 depth of the whole scene, millimetres, 0 where nothing was measured
-    joints_camera_m: np.ndarray  # (P, 15, 3) float32 true joints, metres
-    whole_px: np.ndarray  # (P,) int32
-    seen_px: np.ndarray  # (P,) int32
-
-
 def draw_take(rng: np.random.Generator, kind: str, people: Callable[[int], Person], frames: int) -> RoomTake | None:
     """Draws a film of a kind; None if its people penetrate themselves or each other, or if no place was free and in view."""
     camera, sensor = draw_film_camera(rng)
@@ -269,13 +259,14 @@ class RoomFilms(SequenceGenerator):
 
     images_differ = True
 
-    def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:
+    def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[dict[str, np.ndarray]]:
         noise = self.noise(index)
         for clear in render(take, frames):
             surfaces, joints_m = (clear.depth_m, clear.labels), clear.joints_camera_m
             depth_m, labels = measure_surfaces(surfaces, clear.number, joints_m, take.camera, take.sensor, noise)
             seen_px = pixels_of_people(labels, len(clear.whole_px))
-            yield RoomShot(millimetres(depth_m), joints_m, np.maximum(clear.whole_px, seen_px), seen_px)
+            shot = {"depth": millimetres(depth_m), "joints_m": joints_m}
+            yield shot | {"whole_px": np.maximum(clear.whole_px, seen_px), "seen_px": seen_px}
 
 
 def _shows(kind: str, take: RoomTake) -> bool:

@@ -119,7 +119,7 @@ class Rooms(RoomFilms):
         seen_px = pixels_of_people(labels + np.uint8(1), len(clear.joints_camera_m))  # of films, the first person is 2
         whole_px = np.maximum(np.rint(clear.whole_px).astype(np.int32), seen_px)
         on_frame()
-        shot = {"depth_mm": depth_mm, "joints_camera_m": clear.joints_camera_m, "whole_px": whole_px, "seen_px": seen_px}
+        shot = {"depth": depth_mm, "joints_m": clear.joints_camera_m, "whole_px": whole_px, "seen_px": seen_px}
         return self.stored(index, clear.camera, {name: array[None] for name, array in shot.items()})
 
     @cached_property

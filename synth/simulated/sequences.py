@@ -6,7 +6,7 @@ people are near other adults and wear other kinds of garments (`draw_person`), i
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -25,7 +25,7 @@ from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, follow
 from synth.scene.room import DANCE_HALL, ViewConfig
 from synth.sensor.film_noise import FilmNoise
-from synth.simulated.film import Film, Played, Shot, Studio, Take
+from synth.simulated.film import Film, Played, Studio, Take
 from synth.simulated.generator import SetGenerator, is_faulty
 
 BODY = BodyConfig(clothes=ClothesConfig(skirt=0.0, coat=0.0, hat=0.0, backpack=0.0, bag=0.0))
@@ -106,8 +106,11 @@ class SequenceGenerator(SetGenerator):
         """
 
     @abstractmethod
-    def shots(self, index: int, take: Any, frames: range) -> Iterator[Any]:
-        """Renders and measures frames of sequence `index`; a frame is the same whichever others are made."""
+    def shots(self, index: int, take: Any, frames: range) -> Iterator[dict[str, np.ndarray]]:
+        """Renders and measures frames of sequence `index`: of each the arrays of a `StoredSequence`, without the axis of time.
+
+        A frame is the same whichever others are made.
+        """
 
     def first_person(self, index: int) -> int:
         """The number of the first person of sequence `index`; the others follow."""
@@ -118,24 +121,21 @@ class SequenceGenerator(SetGenerator):
         take = self.take(index)
         return self.stored(index, getattr(take, "camera", self.camera), self.stacked(index, take, None, on_frame))
 
-    def stored(self, index: int, camera: Camera, arrays: dict[str, np.ndarray]) -> StoredSequence:
-        """Sequence `index` from the fields of its shots by name: depth_mm, joints_camera_m, and those of `StoredSequence`."""
-        depth, joints_m = arrays.pop("depth_mm"), arrays.pop("joints_camera_m")
-        people = tuple(f"person {self.first_person(index) + number}" for number in range(joints_m.shape[1]))
-        name, kind = self.sequence_name(index), self.kind(index)
-        return StoredSequence(name, kind, self.fps, camera, people, depth, joints_m, **arrays)
+    def stored(self, index: int, camera: Camera, arrays: dict[str, Any]) -> StoredSequence:
+        """Sequence `index` with the arrays of a `StoredSequence`."""
+        people = tuple(f"person {self.first_person(index) + number}" for number in range(arrays["joints_m"].shape[1]))
+        return StoredSequence(self.sequence_name(index), self.kind(index), self.fps, camera, people, **arrays)
 
     def kind(self, index: int) -> str:
         """The kind of motion in sequence `index`."""
         return "recorded" if self.motion.source == "clips" else self.kinds[index % len(self.kinds)]
 
     def stacked(self, index: int, take: Any, frames: int | None, on_frame: Callable[[], None]) -> dict[str, np.ndarray]:
-        """The fields of the first shots of sequence `index`, or of all, by name, with a first axis of T frames."""
+        """The arrays of the first shots of sequence `index`, or of all, with a first axis of T frames."""
         arrays: dict[str, np.ndarray] = {}
         count = len(take) if frames is None else min(frames, len(take))
         for number, shot in enumerate(self.shots(index, take, range(count))):
-            for name in (one.name for one in fields(shot)):
-                value = np.asarray(getattr(shot, name))
+            for name, value in shot.items():
                 arrays.setdefault(name, np.empty((count, *value.shape), value.dtype))[number] = value
             on_frame()
         return arrays
@@ -235,15 +235,15 @@ class StandIn(SequenceGenerator):
         motion, recorded = start_pose(rng, self.fps), self.motion.source == "clips"
         while len(motion) < frames:
             left_s = (frames - len(motion)) / self.fps + 1
-            motion = follow(motion, self._recorded(rng, left_s) if recorded else self.compose(rng, index, left_s))
+            if recorded:
+                part = self.excerpt(rng, int(rng.integers(len(self.recordings))), self.fps, int(left_s * self.fps))
+            else:
+                part = self.compose(rng, index, left_s)
+            motion = follow(motion, part)
         return cut(motion, 0, frames)
 
-    def _recorded(self, rng: np.random.Generator, seconds: float) -> Motion:
-        """A random excerpt of a recording, at most the given number of seconds long."""
-        return self.excerpt(rng, int(rng.integers(len(self.recordings))), self.fps, int(seconds * self.fps))
-
-    def shots(self, index: int, take: Take, frames: range) -> Iterator[Shot]:
-        return self.studio.shots(take, self.sensor, self.noise(index), frames)
+    def shots(self, index: int, take: Take, frames: range) -> Iterator[dict[str, np.ndarray]]:
+        return map(vars, self.studio.shots(take, self.sensor, self.noise(index), frames))
 
     def film(self, index: int, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> Film:
         """The first frames of sequence `index`, or all of them."""
@@ -259,5 +259,5 @@ class StandIn(SequenceGenerator):
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         film = self.film(index, on_frame=on_frame)
         markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.float32(np.nan))
-        arrays = {"depth_mm": film.depth_m, "joints_camera_m": self.truth_m(film, markers_m)[:, None]}
-        return replace(self.stored(index, self.camera, arrays), markers_m=markers_m[:, None], marker_names=tuple(MARKERS))
+        arrays = {"depth": film.depth_m, "joints_m": self.truth_m(film, markers_m)[:, None], "markers_m": markers_m[:, None]}
+        return self.stored(index, self.camera, arrays | {"marker_names": tuple(MARKERS)})

@@ -60,16 +60,6 @@ class Duet:
 
 
 @dataclass(frozen=True)
-class DuetShot:
-    """One measured frame of two people."""
-
-    depth_mm: np.ndarray  # (H, W) uint16 depth of the whole scene, millimetres, 0 where nothing was measured
-    joints_camera_m: np.ndarray  # (2, 15, 3) float32 true joints, metres
-    alone_px: np.ndarray  # (2,) int32 pixels inside the image that would show each person if the other were not there
-    seen_px: np.ndarray  # (2,) int32 pixels that show each person, before the sensor's noise
-
-
-@dataclass(frozen=True)
 class TwoPeople(SequenceGenerator):
     """Makes the sequences; holds a compiled scene for each of the two."""
 
@@ -132,17 +122,23 @@ class TwoPeople(SequenceGenerator):
                     return Duet((takes[0], takes[1]))
         return None
 
-    def shots(self, index: int, take: Duet, frames: range) -> Iterator[DuetShot]:
+    def shots(self, index: int, take: Duet, frames: range) -> Iterator[dict[str, np.ndarray]]:
         noise = self.noise(index)
         rendered = (studio.render(one, frames) for studio, one in zip(self.studios, take.takes, strict=True))
         return (measure(pair, self.camera, self.sensor, noise) for pair in zip(*rendered, strict=True))
 
 
-def measure(pair: tuple[CleanFrame, CleanFrame], camera: Camera, sensor: SensorConfig, noise: FilmNoise) -> DuetShot:
-    """Puts two people, each rendered alone in the same room, into one image, and applies the sensor model."""
+def measure(
+    pair: tuple[CleanFrame, CleanFrame], camera: Camera, sensor: SensorConfig, noise: FilmNoise
+) -> dict[str, np.ndarray]:
+    """Puts two people, each rendered alone in the same room, into one image, and applies the sensor model.
+
+    `seen_px` are the pixels that show each of them before the sensor's noise.
+    """
     room_m, joints_m = pair[0].room_m, np.stack([clean.joints_camera_m for clean in pair])
     surfaces = nearest_surfaces(room_m, [clean.person_m for clean in pair])
     depth_m, _ = measure_surfaces(surfaces, pair[0].number, joints_m, camera, sensor, noise)
     alone = [nearest_surfaces(room_m, [clean.person_m])[1] for clean in pair]
     alone_px = np.concatenate([pixels_of_people(labels, 1) for labels in alone])
-    return DuetShot(millimetres(depth_m), joints_m, alone_px, pixels_of_people(surfaces[1], len(pair)))
+    seen_px = pixels_of_people(surfaces[1], len(pair))
+    return {"depth": millimetres(depth_m), "joints_m": joints_m, "alone_px": alone_px, "seen_px": seen_px}
