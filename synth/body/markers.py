@@ -14,11 +14,8 @@ from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 
 RING_CAMERAS, RING_RADIUS_M, RING_HEIGHT_M = 8, 3.5, 2.4
-MIN_CAMERAS = 2
-"""A marker is tracked if this many cameras see it."""
-
-MARKER_RADIUS_M = 0.01
-"""A marker is a small ball on the skin; its centre lies this high above the skin."""
+MIN_CAMERAS = 2  # a marker is tracked if this many cameras see it
+MARKER_RADIUS_M = 0.01  # a marker is a small ball on the skin; its centre lies this high above the skin
 
 
 def _both(name: str, part: str, direction: tuple[float, float, float]) -> dict[str, tuple[Joint, tuple[float, float, float]]]:
@@ -47,8 +44,7 @@ _MARKER_DIRECTIONS = {
     **_both("TOE", "FOOT", (0, -1, -0.3)),
 }
 
-RAY_DISTANCE_M = 0.02
-"""Vertices within this distance of the ray from the joint are candidates for a marker."""
+RAY_DISTANCE_M = 0.02  # vertices within this distance of the ray from the joint are candidates for a marker
 
 
 def _marker_vertices() -> dict[str, int]:

@@ -19,8 +19,7 @@ from kpopnet.errors import check_between
 from synth.body.asset import load_body
 from synth.body.garments import ORDINARY, Figure, Garment, Wardrobe, folds, hair, jacket, leggings, outermost, shoes
 
-FOLD_DEPTH = 0.25
-"""Folds take up to this fraction of the distance from skin to cloth."""
+FOLD_DEPTH = 0.25  # folds take up to this fraction of the distance from skin to cloth
 
 
 @dataclass(frozen=True)
@@ -56,8 +55,7 @@ class ClothesConfig:
 
 RINGS, SECTORS = 9, 20
 ANGLES_RAD = 2 * np.pi * np.arange(SECTORS) / SECTORS
-SKIRT_EASE_M = 0.015
-"""Distance of a skirt from what it lies around."""
+SKIRT_EASE_M = 0.015  # distance of a skirt from what it lies around
 
 
 class Piece(NamedTuple):

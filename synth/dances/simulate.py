@@ -40,12 +40,9 @@ from synth.simulated.film import Studio, Take, measure_frame
 from synth.simulated.generator import SetGenerator, is_faulty
 from synth.simulated.sequences import HEADING_STD_DEG
 
-MAX_NEIGHBOUR_STEP_M = 0.1
-"""Neighbouring pixels are connected if their depths differ by less."""
-
+MAX_NEIGHBOUR_STEP_M = 0.1  # neighbouring pixels are connected if their depths differ by less
 DANCES = 100
-SEED = 2018
-"""Of the benchmark; nothing that was scored before it was fixed has this seed."""
+SEED = 2018  # of the benchmark; nothing that was scored before it was fixed has this seed
 
 SPACING = {"skill": 0.5, "mixed": 0.4, "ends": 0.0}
 """Spacing of the levels by the family of faults, see `synth.dances.skill.SkillConfig`: on other dances, of the split train, the

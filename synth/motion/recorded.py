@@ -59,9 +59,7 @@ _CLIP = {
 }
 
 _PACK_SPLITS = {"train": "train", "validation": "val", "test": "test"}
-
-Recording = tuple[Motion, np.ndarray]
-"""A motion, and (T,) bool: its good frames."""
+Recording = tuple[Motion, np.ndarray]  # a motion, and (T,) bool: its good frames
 
 
 class Recordings:

@@ -23,8 +23,7 @@ from kpopnet.weights import FINDER_SHA256
 from synth.rooms.images import MeasuredScene, RoomImagesConfig, SceneShards
 from synth.rooms.scene import ClearScene
 
-IMAGE_PX = (320, 240)
-"""Most width and height of the scenes' images."""
+IMAGE_PX = (320, 240)  # most width and height of the scenes' images
 
 FINDER = FinderConfig(least_certainty=0.3)
 """Less sure than where it is used: those whom it hardly finds are the hard ones."""

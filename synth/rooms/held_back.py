@@ -127,5 +127,4 @@ def planter(rng: np.random.Generator) -> Mesh:
     return joined([boxes([((0, 0, high), (half, 0.18, high))]), *bushes])
 
 
-BARRIERS: tuple[Clutter, ...] = (bar_counter, tennis_table, vaulting_box, planter)
-"""What people stand behind."""
+BARRIERS: tuple[Clutter, ...] = (bar_counter, tennis_table, vaulting_box, planter)  # what people stand behind

@@ -103,12 +103,9 @@ class SceneShards(SetGenerator):
     """Makes files of single scenes; a file is a pure function of the seed, the split and its number."""
 
     part: ClassVar[str] = "shard"
-    per_shard: ClassVar[int] = 500
-    """Scenes in a file."""
-
+    per_shard: ClassVar[int] = 500  # scenes in a file
     composed_only = "people are in poses of all kinds; leave motion out"
-    most_px: ClassVar[tuple[int, int]]
-    """Most width and height of an image."""
+    most_px: ClassVar[tuple[int, int]]  # most width and height of an image
 
     @cached_property
     def scenes(self) -> RoomScenes:

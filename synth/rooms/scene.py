@@ -27,8 +27,7 @@ from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import View, looking, overlaps_boxes
 
 MOST_PEOPLE = 6
-SHARES_OF_COUNTS = (0.12, 0.36, 0.24, 0.13, 0.08, 0.04, 0.03)
-"""How many scenes show none, one, ..., six people."""
+SHARES_OF_COUNTS = (0.12, 0.36, 0.24, 0.13, 0.08, 0.04, 0.03)  # how many scenes show none, one, ..., six people
 
 FORMATS = ((4, 3), (4, 3), (4, 3), (16, 9), (1, 1), (10, 9), (6, 5), (3, 4), (9, 11))
 """Width and height of images, in any unit."""
@@ -40,13 +39,10 @@ FRAMED, FRAMED_DISTANCE_M, FRAMED_MARGIN, CUT_MARGIN = 0.5, (1.6, 5.5), 0.2, -0.
 """In this share of the scenes people stand at such a distance, and their middle lies this share of the image from its border,
 as before a camera that somebody set up; in the others they may be anywhere, half outside the image."""
 
-NEAREST_M = 0.35
-"""Least distance from the camera to anything that is drawn."""
-
+NEAREST_M = 0.35  # least distance from the camera to anything that is drawn
 PLACE_TRIES, CLUTTER_TRIES = 12, 3
 MOST_CLUTTER = 8
-CLOSE, CLOSE_M = 0.45, (0.2, 0.8)
-"""Share of the people who stand close to another one, and their distance."""
+CLOSE, CLOSE_M = 0.45, (0.2, 0.8)  # share of the people who stand close to another one, and their distance
 
 MOST_SHARED = 0.02
 """People are apart if at most this share of a body's surface lies in a cell of CELL_M that another's has too."""
@@ -56,8 +52,7 @@ LOW_M, RAISED, RAISED_M = 0.9, 0.3, (0.1, 0.6)
 """Of the people whose highest point is lower, this share lies or sits on a bed or a stage of such a height."""
 
 SEATED, HOLDS = 0.6, 0.08
-OUTDOORS, ALONE = 0.15, 0.08
-"""Shares of the scenes without walls, and of those that show nothing but people."""
+OUTDOORS, ALONE = 0.15, 0.08  # shares of the scenes without walls, and of those that show nothing but people
 
 LOST = {"floor": 0.15, "back": 0.12, "left": 0.08, "right": 0.08, "ceiling": 0.3}
 """Share of the scenes in which a surface returns nothing, because it is dark, shines, is made of glass or is too far away."""

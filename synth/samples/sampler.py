@@ -34,14 +34,9 @@ MAX_SIDE_PX = 4096  # of a camera's image
 _STREAMS = ("sample", "body", "room", "props")
 """What is drawn from a generator of its own, by number. The order is part of every sample."""
 
-OTHER_PEOPLE = 1000
-"""The second person of a sample is one of the split's next people, up to this many numbers on."""
-
-ATTACHED_M = (0.03, 0.12)
-"""Range of the distance within which a seat or another person is segmented as the person."""
-
-MAX_HIDDEN = 0.5
-"""Largest fraction of a person's pixels that another person may hide."""
+OTHER_PEOPLE = 1000  # the second person of a sample is one of the split's next people, up to this many numbers on
+ATTACHED_M = (0.03, 0.12)  # range of the distance within which a seat or another person is segmented as the person
+MAX_HIDDEN = 0.5  # largest fraction of a person's pixels that another person may hide
 
 FINGER_FLEXION = {"FingerBase": 0.2, "HandFinger1": 1.4}
 """Bones of the fingers, and by how much of the drawn angle each flexes: FingerBase lies in the palm, which hardly bends."""

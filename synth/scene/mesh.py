@@ -5,17 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-SIDES = 12
-"""Corners of a circle in the meshes of balls and rods."""
-
+SIDES = 12  # corners of a circle in the meshes of balls and rods
 BOX_CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 _BOX_SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 BOX_FACES = np.array([face for a, b, c, d in _BOX_SIDES for face in ((a, b, c), (a, c, d))], np.int32)
 """(12, 3) triangles of the box with corners BOX_CORNERS, counter-clockwise seen from outside."""
 
 Triple = tuple[float, float, float]
-Box = tuple[Triple, Triple]
-"""Centre and half sizes in metres, along the axes of its own frame."""
+Box = tuple[Triple, Triple]  # centre and half sizes in metres, along the axes of its own frame
 
 
 class Mesh(NamedTuple):

@@ -16,14 +16,9 @@ from kpopnet.skeleton import Joint
 from synth.scene.mesh import Box, Mesh, about_z, ball, boxes, joined, rod
 from synth.scene.room import four_legs, overlaps_boxes
 
-PALM_M = 0.02
-"""Distance of the palm's skin from the centre of the hand."""
-
-SEAT_GIVE_M = 0.03
-"""Depth to which seat and flesh give way to each other."""
-
-SEATED_HIPS_M = (0.25, 0.7)
-"""Height of the hips' joints above the floor at which a seat fits under them."""
+PALM_M = 0.02  # distance of the palm's skin from the centre of the hand
+SEAT_GIVE_M = 0.03  # depth to which seat and flesh give way to each other
+SEATED_HIPS_M = (0.25, 0.7)  # height of the hips' joints above the floor at which a seat fits under them
 
 
 @dataclass(frozen=True)
@@ -177,8 +172,7 @@ def bag(rng: np.random.Generator) -> Mesh:
 
 
 IN_PALM = (toy_ball, stick, book, phone, cup)
-HANGING = (bag,)
-"""Held objects whose frame stays upright, turned with the hand about the vertical."""
+HANGING = (bag,)  # held objects whose frame stays upright, turned with the hand about the vertical
 
 
 def held_by(rng: np.random.Generator, hand_m: np.ndarray, rotation: np.ndarray, left: bool) -> Prop:

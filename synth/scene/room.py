@@ -15,8 +15,7 @@ from synth.scene.mesh import Box
 MAX_BOXES = 24
 WALL_HALF_THICKNESS_M = 0.1
 AIM_DISTANCE_M = 2.7
-DEPTH_M = (3.6, 7.2)
-"""Range of the back wall's distance from the camera: people stand up to 5 m away."""
+DEPTH_M = (3.6, 7.2)  # range of the back wall's distance from the camera: people stand up to 5 m away
 
 
 @dataclass(frozen=True)

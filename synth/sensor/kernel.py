@@ -11,8 +11,7 @@ import numpy as np
 from numba import njit
 from scipy.special import ndtri
 
-EDGE_M = 0.1
-"""Neighbouring pixels that differ by more than this depth lie on two sides of an outline."""
+EDGE_M = 0.1  # neighbouring pixels that differ by more than this depth lie on two sides of an outline
 
 INT_OFFSET_PX = 1024
 """Added to a shift in pixels before int() so that int() rounds down; math.floor would cost more than the rest."""

@@ -26,12 +26,9 @@ from kpopnet.errors import InputError, check_one_of
 from synth.sensor.film_noise import FilmFrame
 from synth.sensor.kernel import erase_ellipses, measure_pixels
 
-ELLIPSE_PX = (2.5, 5.0)
-"""Range of the semi-axes of elliptic holes, native pixels."""
-
+ELLIPSE_PX = (2.5, 5.0)  # range of the semi-axes of elliptic holes, native pixels
 LIMB_HOLE_RADIUS_M = (0.02, 0.06)
-LIMB_HOLE_DEPTH_M = 0.15
-"""Largest difference in depth from the limb's end that a hole erases."""
+LIMB_HOLE_DEPTH_M = 0.15  # largest difference in depth from the limb's end that a hole erases
 
 _ANY_CAMERA = {
     "max_range_m": 8.0, "gain": 0.003, "pixel_dropout": 0.0002, "edge_dropout": 0.05, "ellipses_per_megapixel": 20.0,

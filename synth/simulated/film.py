@@ -31,11 +31,8 @@ DISTANCE_RANGE_M = (1.2, 4.2)
 """Least and greatest distance of any point of the person from the camera's wall: the range for which a Kinect v1 is made."""
 
 IMAGE_MARGIN_PX = 4
-PLACES = 24
-"""Positions drawn for a motion in a room before the room is rejected."""
-
-ROOM_BOXES = 4
-"""A room's first boxes: the floor and three walls. The others are furniture."""
+PLACES = 24  # positions drawn for a motion in a room before the room is rejected
+ROOM_BOXES = 4  # A room's first boxes: the floor and three walls. The others are furniture.
 
 MAX_OCCLUDED_FRACTION = 0.02
 """Greatest fraction of the person's pixels that furniture may occlude in any of the tested frames."""
@@ -43,9 +40,7 @@ MAX_OCCLUDED_FRACTION = 0.02
 _VERTEX_STRIDE, _FRAME_STRIDE, _OCCLUSION_STRIDE = 7, 2, 15
 """Vertices and frames of which the skin is kept for collision tests; frames that are tested for occlusion."""
 
-APART_M = 0.15
-"""Least distance between joints of two people who do not hug."""
-
+APART_M = 0.15  # least distance between joints of two people who do not hug
 ROOM, PERSON = 1, 2  # pixel labels
 
 LEVEL_VIEW = View(np.array([0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))

@@ -36,23 +36,14 @@ class SetGenerator(ABC):
     and k, whatever the number of processes.
     """
 
-    generator: ClassVar[int] = 3
-    """Version of the generator: increased with every change that makes another set from the same settings."""
-
+    generator: ClassVar[int] = 3  # its version: increased with every change that makes another set from the same settings
+    # What a part is called. `benchmark` has the number of parts as PARTs: a smaller set is the beginning of a larger one.
     part: ClassVar[str]
-    """What a part is called. `benchmark` has the number of parts as PARTs: a smaller set is the beginning of a larger one."""
-
-    finished_files: ClassVar[str]
-    unfinished_files: ClassVar[str]
-    """Glob patterns of the files that finish a part, and of temporary files that killed processes left."""
-
+    finished_files: ClassVar[str]  # glob patterns of the files that finish a part,
+    unfinished_files: ClassVar[str]  # and of temporary files that killed processes left
     camera: ClassVar[Camera]
-
-    composed_only: ClassVar[str] = ""
-    """Why recorded motion is refused; empty where it is not."""
-
-    images_differ: ClassVar[bool] = False
-    """Whether images differ in size, which OpenGL's window does not: the CPU draws."""
+    composed_only: ClassVar[str] = ""  # why recorded motion is refused; empty where it is not
+    images_differ: ClassVar[bool] = False  # whether images differ in size, which OpenGL's window does not: the CPU draws
 
     benchmark: Any  # identity and size of the set
     # `choreography` for composed motion, or `clips` for recordings of the pack's test subjects

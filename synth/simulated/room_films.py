@@ -35,28 +35,20 @@ from synth.simulated.film import (
 from synth.simulated.sequences import SequenceGenerator
 
 SENSOR_OF_CAMERA = {"eval": "kinect_v1", "kinect_v1": "kinect_v1", "kinect_2": "kinect_2", "smmc10": "swissranger"}
-FILM_PX = ((160, 120), (320, 240), (640, 576), (848, 480))
-"""Most (width, height) of drawn cameras, pixels."""
-
-PLACES = 40
-"""Places before a camera that are drawn for a cast."""
+FILM_PX = ((160, 120), (320, 240), (640, 576), (848, 480))  # most (width, height) of drawn cameras, pixels
+PLACES = 40  # places before a camera that are drawn for a cast
 
 DISTANCE_M, CEILING_DISTANCE_M = (1.2, 5.0), (0.6, 3.5)
 """Ranges of the distance of the middle of the stage from the camera, along the floor."""
 
 CEILING_HEIGHT_M, CEILING_PITCH_DEG = (2.4, 2.9), (35.0, 50.0)
-NEAREST_M, WALL_GAP_M = 0.5, 0.1
-"""Least distances: of people and clutter from the camera, of people from walls."""
-
-LEAST_FRAMES_IN_VIEW = 0.6
-"""Least share of a film's frames in which each person's torso is inside the image."""
-
+NEAREST_M, WALL_GAP_M = 0.5, 0.1  # least distances: of people and clutter from the camera, of people from walls
+LEAST_FRAMES_IN_VIEW = 0.6  # least share of a film's frames in which each person's torso is inside the image
 MOST_PENETRATION_M = 0.09
 LEAST_CLUTTER, MOST_CLUTTER, CLUTTER_GAP_M = 4, 8, 0.1
 """Least number of things drawn for empty rooms, greatest of any, and their distance from people."""
 
-HIDDEN_BEHIND = 0.15
-"""Least share of somebody behind furniture that is hidden in the middle of the film."""
+HIDDEN_BEHIND = 0.15  # least share of somebody behind furniture that is hidden in the middle of the film
 
 
 class Actor(NamedTuple):

@@ -33,18 +33,13 @@ from synth.simulated.sequences import TILES, Selection, frame_tile
 SINGLE = "single_image"
 ROUNDS, SINGLES_A_ROUND = 5, 80
 KINDS = (*CASTS, *[SINGLE] * SINGLES_A_ROUND)
-
-IMAGE_PX = (*FILM_PX, (512, 424), (1024, 1024))
-"""Most (width, height) of the cameras of single images, pixels."""
+IMAGE_PX = (*FILM_PX, (512, 424), (1024, 1024))  # most (width, height) of the cameras of single images, pixels
 
 SENSOR_SHARES = {"kinect_v1": 0.5, "kinect_2": 0.35, "swissranger": 0.15}
 """How many single images each sensor measures."""
 
-IMAGE_ROWS = 4
-"""Rows of single images in the contact sheet."""
-
-TRIES = 60
-"""Casts drawn for a film."""
+IMAGE_ROWS = 4  # rows of single images in the contact sheet
+TRIES = 60  # casts drawn for a film
 
 
 @dataclass

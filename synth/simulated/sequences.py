@@ -32,17 +32,14 @@ BODY = BodyConfig(clothes=ClothesConfig(skirt=0.0, coat=0.0, hat=0.0, backpack=0
 """People as they come to a motion-capture session: markers are worn on trousers and tops. (The Y pose of a person in a skirt
 or a coat is not found, because its test needs two legs: seen on `eval_sim` itself, and on a set with a training seed.)"""
 
-HEADING_STD_DEG = 5.0
-"""Standard deviation of the heading at the start."""
+HEADING_STD_DEG = 5.0  # standard deviation of the heading at the start
 
 STANDING_PENETRATION_M, EXTRA_PENETRATION_M = 0.06, 0.03
 """A motion is rejected if two parts of the body, by their collision capsules, penetrate each other by more than the second
 value beyond the greater of the first value and the person's penetration while standing. When broad people stand, their forearms
 penetrate their thighs, with clothes, by 6 cm, which is not visible."""
 
-MOTION_TRIES, ROOM_TRIES = 100, 8
-"""Motions tried for a sequence, and rooms tried for each motion."""
-
+MOTION_TRIES, ROOM_TRIES = 100, 8  # motions tried for a sequence, and rooms tried for each motion
 TILES = 10
 TILE_WIDTH_PX, TILE_PORTRAIT_PX = 240, 160
 
@@ -74,22 +71,13 @@ class SequenceGenerator(SetGenerator):
 
     part, finished_files, unfinished_files = "sequence", "*.h5", ".*.h5.*.tmp"
 
-    about: ClassVar[str]
-    """What the set is, and the origin of its true joints, for the reader of a report."""
-    truth: ClassVar[str] = "synthetic truth"
-
-    kinds: ClassVar[tuple[str, ...]]
-    """Sequence k shows kinds[k % len(kinds)]."""
-
+    about: ClassVar[str]  # what the set is,
+    truth: ClassVar[str] = "synthetic truth"  # and the origin of its true joints, for the reader of a report
+    kinds: ClassVar[tuple[str, ...]]  # sequence k shows kinds[k % len(kinds)]
     fps: ClassVar[float]
-    view: ClassVar[ViewConfig]
-    """Distribution of the camera's pose."""
-
-    tiles: ClassVar[int] = TILES
-    """Frames of a sequence in the contact sheet."""
-
-    names: ClassVar[str]
-    """Format of the name of a sequence, by its number."""
+    view: ClassVar[ViewConfig]  # distribution of the camera's pose
+    tiles: ClassVar[int] = TILES  # frames of a sequence in the contact sheet
+    names: ClassVar[str]  # format of the name of a sequence, by its number
 
     frames: tuple[int, int] = (100, 400)  # least and greatest length of a sequence, frames
 

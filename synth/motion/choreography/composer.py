@@ -16,8 +16,7 @@ from synth.motion.limbs import choose, uniform
 from synth.motion.skeleton import Motion, Poses, still
 
 COUNTS = 8
-BPM = (90.0, 140.0)
-"""Range of a dance's tempo, beats per minute."""
+BPM = (90.0, 140.0)  # range of a dance's tempo, beats per minute
 
 # Steps with which a phrase may also turn in place.
 _TURNING_GROOVES = ("bounce", "march", "twist_hips", "taps_out", "knee_lifts")

@@ -136,9 +136,7 @@ _ARMS: dict[str, tuple[float, float, float, float]] = {  # raise, plane, twist, 
 }
 
 _OF_BOTH_SIDES = (*LEG_CHANNELS, "raise", "plane", "twist", "elbow", "pronate", "wrist", "shrug")
-
-Place = tuple[float, float]
-"""Of a foot: metres outwards from the middle, and in front."""
+Place = tuple[float, float]  # of a foot: metres outwards from the middle, and in front
 
 Reach = str | tuple[float, float, float, float]
 """Where an arm is: a direction of `_ARMS`, a place on the body (`limbs.REACHES`), or its raise, plane, twist and elbow."""

@@ -18,21 +18,17 @@ from synth.motion.limbs import choose, uniform
 from synth.motion.skeleton import Motion
 
 BPM = (95.0, 115.0)
-STRIDE_M = 0.55
-"""Usual length of a step."""
+STRIDE_M = 0.55  # usual length of a step
 
 CROSSING_GAP_M = (0.55, 1.3)
 """Range of the distance, along the camera's axis, between the ways of two people who cross."""
 
-HUG_M = (0.36, 0.46)
-"""Range of the distance between the trunks of people who hug."""
-
+HUG_M = (0.36, 0.46)  # range of the distance between the trunks of people who hug
 _STEPS = together(LOWER["march"], upper(Key(1, arms("hang"))))
 _SPOT = repeat(_STEPS, 2)
 _LEFT, _RIGHT = turning(_STEPS, 90), turning(_STEPS, -90)
 _HUGGING = arms("front", plane=66, elbow=58, twist=10)
-_SWING = arms((20, -70, 0, 10), (26, 80, 0, 22))
-"""Arms while the left foot is in front."""
+_SWING = arms((20, -70, 0, 10), (26, 80, 0, 22))  # arms while the left foot is in front
 
 
 class Part(NamedTuple):

@@ -231,8 +231,7 @@ FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Angles]]] = {
 }
 """Name to (relative weight, family)."""
 
-_JITTER_DEG = 2.5
-"""Standard deviation of the noise added to every angle, so that no tabulated pose occurs twice."""
+_JITTER_DEG = 2.5  # standard deviation of the noise added to every angle, so that no tabulated pose occurs twice
 
 
 class ProceduralPoses:
