@@ -22,7 +22,7 @@ from synth.rooms.clutter import CLUTTER, Clutter
 from synth.samples.placing import Body
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.mesh import Mesh, about_z, boxes
-from synth.scene.props import held_by, is_sitting, seat_under
+from synth.scene.props import held_by, is_sitting, platform_under, seat_under
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import View, looking, overlaps_boxes
 
@@ -133,7 +133,8 @@ class RoomScenes(Sampler):
             pixels.append(whole_px(scene, Mesh(self.renderer.vertices_world_m(), scene.skin.faces)))
             things_m = []
             if raised_m and not alone:
-                things_m.append(draw_mesh_m(scene, _stage(own, body, place_m, raised_m)))
+                low_m, high_m = body.low_m[:2] + place_m[:2], body.high_m[:2] + place_m[:2]
+                things_m.append(draw_mesh_m(scene, platform_under(own, low_m, high_m, raised_m)))
             elif is_sitting(joints_world_m) and own.random() < SEATED:
                 seat = seat_under(own, joints_world_m, body.vertices_m + place_m, scene.facing_world())
                 if seat is not None:
@@ -268,14 +269,6 @@ def _outside(point_m: np.ndarray, walls: tuple[float, float, float, float] | Non
 def _gap_m(point_m: np.ndarray, centre_m: np.ndarray, half_m: np.ndarray) -> float:
     """Distance of a point from a box."""
     return float(np.linalg.norm(np.maximum(np.abs(point_m - centre_m) - half_m, 0)))
-
-
-def _stage(rng: np.random.Generator, body: Body, place_m: np.ndarray, height_m: float) -> Mesh:
-    """A bed, a mat or a stage beneath a low person."""
-    low, high = body.low_m[:2] + place_m[:2], body.high_m[:2] + place_m[:2]
-    margin = rng.uniform(0.0, 0.4, 2)
-    centre, half = (low + high) / 2, (high - low) / 2 + margin
-    return boxes([((*centre, height_m / 2 - 0.01), (*half, height_m / 2 - 0.01))])
 
 
 def _cells(body: Body, place_m: np.ndarray) -> np.ndarray:

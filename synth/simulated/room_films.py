@@ -17,7 +17,7 @@ from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
 from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, draw_camera, draw_view, nearest_depth_m, posed_view
 from synth.samples.layers import millimetres
 from synth.scene.mesh import Mesh, about_z, boxes
-from synth.scene.props import seat_under
+from synth.scene.props import platform_under, seat_under
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes
 from synth.sensor.model import SENSORS, SensorConfig
@@ -203,7 +203,6 @@ def draw_surroundings(
 
 
 def room_meshes(room: Room) -> list[Mesh]:
-    """The boxes of a room."""
     boxes_of = zip(room.centres_m, room.halves_m.tolist(), room.yaws_rad.tolist(), strict=True)
     return [boxes([((0, 0, 0), half)]).moved(about_z(yaw), centre) for centre, half, yaw in boxes_of]
 
@@ -220,9 +219,7 @@ def _things(rng: np.random.Generator, studio: Studio, parts: list[Part], actors:
             things.append(seat.mesh)
         if part.raised_m:
             skin_m = actor.played.skin_m[:, :2] + actor.place_m[:2]
-            low_m, high_m, half_z = skin_m.min(axis=0), skin_m.max(axis=0), part.raised_m / 2 - 0.01
-            half_m = (high_m - low_m) / 2 + rng.uniform(0.0, 0.4, 2)
-            things.append(boxes([((*((low_m + high_m) / 2), half_z), (*half_m, half_z))]))
+            things.append(platform_under(rng, skin_m.min(axis=0), skin_m.max(axis=0), part.raised_m))
     return things
 
 
