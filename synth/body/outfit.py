@@ -113,7 +113,6 @@ class Skin(NamedTuple):
 
 @cache
 def load_skin() -> Skin:
-    """The mesh of every dressed person."""
     asset = load_body()
     faces, bones, weights, starts = [asset.faces], [asset.weight_bones], [asset.weights], {}
     count = len(asset.weights)
@@ -207,7 +206,6 @@ def put_on(figure: Figure, rng: np.random.Generator, config: ClothesConfig, ward
 
 
 def _drawn(garments: dict[str, tuple[float, Garment]], rng: np.random.Generator) -> Garment:
-    """A garment, drawn by weight."""
     thresholds = np.cumsum([weight for weight, _ in garments.values()])
     chosen = int(np.searchsorted(thresholds, rng.random() * thresholds[-1], side="right"))
     return list(garments.values())[min(chosen, len(garments) - 1)][1]

@@ -190,7 +190,6 @@ class KpopSim(SetGenerator):
         return self.studio.level_joints_m(self.studio.play(person, motion, 0.0, np.zeros(2)))
 
     def learner(self, index: int, learner: int) -> LearnerMotion:
-        """What a learner of dance `index` dances."""
         level, teacher = self.levels(index)[learner], self.teacher_motion(index)
         if self.benchmark.faults == "ends":
             rng, another = self._rng("faults", index, learner), self.teacher_motion(index + DANCES)

@@ -27,8 +27,6 @@ _NOUNS = ("Step", "Parade", "Heart", "Rush", "Signal", "Mirror", "Wave", "Crown"
 
 @dataclass(frozen=True, eq=False)
 class PlayedDance:
-    """A dance on the teacher's body."""
-
     name: str
     bpm: float  # beats per minute; the first beat is at time 0
     fps: float

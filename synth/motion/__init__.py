@@ -22,8 +22,6 @@ __all__ = ["SPLITS", "MixedPoses", "MotionConfig", "MotionSource", "Poses", "bui
 
 
 class MotionSource(Protocol):
-    """A source of single poses."""
-
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
         """Draws one pose per generator. Pose k depends only on generator k; a generator may be used again."""
         ...

@@ -80,8 +80,6 @@ MIRROR = np.array([INDEX[re.sub("Left|Right", lambda side: _OTHER[side[0]], name
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion of one person."""
-
     quats: np.ndarray  # (T, 23, 4) float32, local rotations w, x, y, z relative to the T-pose
     root_m: np.ndarray  # (T, 3) float32, position of Hips, metres
     fps: float  # frames per second

@@ -185,7 +185,6 @@ def row_of_parts(rng: np.random.Generator) -> Mesh:
 
 
 def of_boxes(furniture: Callable[[np.random.Generator], list[Box]]) -> Clutter:
-    """Furniture as clutter."""
     return lambda rng: boxes(furniture(rng))
 
 

@@ -128,8 +128,6 @@ class SceneShards(SetGenerator):
 
 @dataclass(frozen=True)
 class RoomImagesSet(SceneShards):
-    """Makes the files of `room_images`."""
-
     finished_files: ClassVar[str] = FILES
     unfinished_files: ClassVar[str] = ".images_*"
     camera: ClassVar[Camera] = Camera.centred(100, *CANVAS)  # each image has its own

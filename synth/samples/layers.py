@@ -33,8 +33,6 @@ class Around(NamedTuple):
 
 
 class Composed(NamedTuple):
-    """The stored image of a person."""
-
     depth_mm: np.ndarray  # (H, W) uint16 depth of what is segmented as the person, millimetres
     own_mm: np.ndarray  # (H, W) uint16 depth of the visible person alone
     box: Box  # x0, y0, x1, y1 of the pixels of depth_mm

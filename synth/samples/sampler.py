@@ -103,8 +103,6 @@ class SampleConfig:
 
 
 class RenderedSample(NamedTuple):
-    """A clean sample and the statistics of its rejection sampling."""
-
     sample: Sample  # as it is stored, except that `room` is the room's number in the whole set
     rejected: int  # number of poses drawn before this one
     refused_places: int  # number of places drawn before this one
@@ -115,8 +113,6 @@ class RenderedSample(NamedTuple):
 
 
 class RenderedRoom(NamedTuple):
-    """A rendered empty room."""
-
     depth_mm: np.ndarray  # (H, W) uint16 depth, millimetres
     floor: np.ndarray  # (4,) float32 floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0
     site: Site  # the boxes, the camera's pose and the camera
@@ -178,7 +174,6 @@ class Sampler:
         return self._room[1]
 
     def room_of(self, index: int) -> int:
-        """Number of the room of sample `index`."""
         return index // self.config.samples_per_room
 
     def samples(self, start: int, stop: int) -> Iterator[RenderedSample]:
@@ -223,7 +218,6 @@ class Sampler:
         return body_rotations(self.scene.asset, quats, yaw, rng.uniform(0.0, 1.5, 2))
 
     def _posed_body(self, pose: _Pose) -> Body:
-        """The person in the pose, with the hips at the world's origin."""
         self.scene.set_person(self._known_person(pose.number))
         self.scene.pose(pose.local, np.zeros(3))
         vertices_m = self.renderer.vertices_world_m().copy()
@@ -249,7 +243,6 @@ class Sampler:
         return self._render(best, config.place_tries, forced=least > MISFRAMED)
 
     def _render(self, placed: _Placed, refused_places: int, forced: bool) -> RenderedSample:
-        """Renders a placed person and what is around them."""
         scene, camera, pose, room = self.scene, self.scene.camera, placed.pose, placed.room
         scene.pose(pose.local, placed.place_m)
         person_m = self.renderer.person_m()

@@ -16,8 +16,6 @@ Box = tuple[Triple, Triple]  # centre and half sizes in metres, along the axes o
 
 
 class Mesh(NamedTuple):
-    """A triangle mesh."""
-
     vertices_m: np.ndarray  # (V, 3) float64, metres
     faces: np.ndarray  # (F, 3) int32, counter-clockwise seen from outside
 
@@ -33,7 +31,6 @@ def about_z(angle_rad: float) -> np.ndarray:
 
 
 def joined(meshes: Iterable[Mesh]) -> Mesh:
-    """All meshes as one."""
     meshes = list(meshes)
     starts = np.cumsum([0] + [len(mesh.vertices_m) for mesh in meshes[:-1]])
     faces = [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts, strict=True)]
@@ -41,7 +38,6 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
 
 
 def boxes(parts: Iterable[Box]) -> Mesh:
-    """Boxes as one mesh."""
     return joined(Mesh(BOX_CORNERS * half + centre, BOX_FACES) for centre, half in parts)
 
 

@@ -40,8 +40,6 @@ class ViewConfig:
 
 @dataclass(frozen=True)
 class View:
-    """A camera pose."""
-
     position_m: np.ndarray  # (3,) position in the world, metres
     rotation: np.ndarray  # (3, 3) rotation from the camera frame (x right, y down, z forward) to the world frame
 

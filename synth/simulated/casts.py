@@ -28,8 +28,6 @@ DUET_FRAMES, CLOSEST_M = 300, 0.05
 
 
 class Part(NamedTuple):
-    """One person of a film."""
-
     motion: Motion  # theirs
     # (x, z) of the start from the middle of the stage: x to the right in the image, z towards the camera, metres
     place_m: tuple[float, float] = (0.0, 0.0)

@@ -73,8 +73,6 @@ class CheckSimConfig(Selection):
 
 @dataclass(frozen=True)
 class CheckSim(RoomFilms):
-    """Makes the films."""
-
     benchmark: CheckSimConfig = field(default_factory=CheckSimConfig)
     frames: tuple[int, int] = (round(END_S * FPS), round(END_S * FPS))
 

@@ -65,7 +65,6 @@ class SetGenerator(ABC):
 
     @cached_property
     def recordings(self) -> Any:
-        """The recordings of the set's split, of motion=clips."""
         return build_motion(self.motion, getattr(self.benchmark, "split", "test"))
 
     def excerpt(self, rng: np.random.Generator, clip: int, fps: float, frames: int) -> Motion:
@@ -106,7 +105,6 @@ class SetGenerator(ABC):
 
     @property
     def size(self) -> int:
-        """The number of parts."""
         return getattr(self.benchmark, f"{self.part}s")
 
     def write(self, folder: Path, processes: int) -> dict:

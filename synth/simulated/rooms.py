@@ -65,8 +65,6 @@ class RoomsConfig(Selection):
 
 @dataclass(frozen=True)
 class Rooms(RoomFilms):
-    """Makes the films and images."""
-
     generator: ClassVar[int] = 5
     benchmark: RoomsConfig = field(default_factory=RoomsConfig)
     frames: tuple[int, int] = (60, 120)

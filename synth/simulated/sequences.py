@@ -115,7 +115,6 @@ class SequenceGenerator(SetGenerator):
         return StoredSequence(self.sequence_name(index), self.kind(index), self.fps, camera, people, **arrays)
 
     def kind(self, index: int) -> str:
-        """The kind of motion in sequence `index`."""
         return "recorded" if self.motion.source == "clips" else self.kinds[index % len(self.kinds)]
 
     def stacked(self, index: int, take: Any, frames: int | None, on_frame: Callable[[], None]) -> dict[str, np.ndarray]:
@@ -137,7 +136,6 @@ class SequenceGenerator(SetGenerator):
         return np.random.default_rng(self._seed(kind, *numbers))
 
     def noise(self, index: int) -> FilmNoise:
-        """The sensor's noise in sequence `index`."""
         return FilmNoise(self._seed("noise", index))
 
     def person(self, subject: int) -> Person:
@@ -166,7 +164,6 @@ class SequenceGenerator(SetGenerator):
         return [self.sheet_row(path) for path in paths]
 
     def sheet_row(self, path: Path) -> tuple[str, list[np.ndarray]]:
-        """The caption and the tiles of one file."""
         frames = len(read_sequence(path, ()).joints_m)
         numbers = np.unique(np.linspace(0, frames - 1, self.tiles).astype(int)).tolist()
         stored = read_sequence(path, numbers)

@@ -69,7 +69,6 @@ def compose(generator: np.random.Generator, counts: float) -> Move:
 
 
 def draw_style(generator: np.random.Generator) -> Style:
-    """The style of a random dancer."""
     return Style(
         sharpness=uniform(generator, 0.8, 1.5),
         bounce_m=uniform(generator, 0.0, 0.04),
@@ -97,8 +96,6 @@ def dance(index: int, seed: int = 0, seconds: float = 20.0, fps: float = 30.0) -
 
 
 class Choreography:
-    """A collection of dances, and of single poses from them."""
-
     _STILLS_FPS = 10.0  # frame rate of the dances from which single poses are taken
 
     def __init__(self, dances: int, seed: int, seconds: float, fps: float) -> None:
@@ -109,7 +106,6 @@ class Choreography:
         return self._dances
 
     def motion(self, index: int) -> Motion:
-        """Dance number `index` of the collection."""
         if not 0 <= index < self._dances:
             raise IndexError(index)
         return dance(index, self._seed, self._seconds, self._fps)

@@ -39,8 +39,6 @@ RELAXED_UPPER: dict[str, float] = {
 
 @dataclass(frozen=True)
 class Key:
-    """A keyframe: a target shape."""
-
     beats: float  # beats after the previous key
     shape: Shape  # channels that differ from standing relaxed
     # fraction of the beats in which the movement takes place; the shape is held for the rest. A small value is a hard hit.
@@ -69,7 +67,6 @@ def _beats(track: tuple[Key, ...]) -> float:
 
 
 def concat(*moves: Move) -> Move:
-    """Moves in sequence."""
     return reduce(lambda a, b: Move(a.lower + b.lower, a.upper + b.upper), moves)
 
 

@@ -106,7 +106,6 @@ def _entering(generator: np.random.Generator, beats: float) -> tuple[Part, Part]
 
 
 def _side_by_side(generator: np.random.Generator, beats: float) -> tuple[Part, Part]:
-    """Both dance."""
     half, depth_m = uniform(generator, 0.6, 0.75), uniform(generator, -0.3, 0.3)
     return Part(_dance(generator, beats), (-half, 0.0)), Part(_dance(generator, beats), (half, depth_m))
 

@@ -45,8 +45,6 @@ _PEAK_OVER_MEAN = 1.5  # ratio of peak to mean speed between two keys
 
 @dataclass(frozen=True)
 class Style:
-    """The movement style of a dancer."""
-
     sharpness: float = 1.0  # divides the time in which a hit reaches its key; above 1 is a harder hit
     bounce_m: float = 0.02  # depth of the bounce of the hips on every beat, metres
     # delay of the forearm relative to the upper arm, seconds; the upper arm's delay relative to the trunk is half of it
