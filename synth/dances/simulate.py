@@ -10,13 +10,13 @@ Learner k of dance d is a pure function of the settings, d and k. No training se
 dances; `split=train` gives other dances by other people, for calibration.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 
 from kpopnet.camera import CAMERAS
 from kpopnet.dance.performance import Performance
@@ -285,24 +285,16 @@ class KpopSim(SetGenerator):
         return sheet(rows, (TRUE,), f"{manifest['about']} Depth of the person alone, true joints")
 
 
-@njit(cache=True)
-def connected(depth_m):
-    """Sets isolated pixels of (h, w) depth to 0: at depth edges the sensor measures some between person and wall.
+def connected(depth_m: np.ndarray) -> np.ndarray:
+    """(h, w) depth without isolated pixels: at depth edges the sensor measures some between person and wall.
 
     A pixel is kept if the depths of at least two of its eight neighbours differ from its own by less than
     MAX_NEIGHBOUR_STEP_M. This replaces the extraction of people from whole scenes, which is based on connectivity, too.
     """
     height, width = depth_m.shape
-    kept = np.zeros_like(depth_m)
-    for y in range(height):
-        for x in range(width):
-            if depth_m[y, x] == 0:
-                continue
-            num_connected = 0
-            for v in range(max(y - 1, 0), min(y + 2, height)):
-                for u in range(max(x - 1, 0), min(x + 2, width)):
-                    if depth_m[v, u] > 0 and abs(depth_m[v, u] - depth_m[y, x]) < MAX_NEIGHBOUR_STEP_M:
-                        num_connected += 1
-            if num_connected > 2:  # the count includes the pixel itself
-                kept[y, x] = depth_m[y, x]
-    return kept
+    padded = np.pad(depth_m, 1)
+    num_connected = np.zeros(depth_m.shape, int)  # the pixel itself, too
+    for v, u in itertools.product(range(3), range(3)):
+        other_m = padded[v : v + height, u : u + width]
+        num_connected += (other_m > 0) & (np.abs(other_m - depth_m) < MAX_NEIGHBOUR_STEP_M)
+    return np.where((depth_m > 0) & (num_connected > 2), depth_m, np.float32(0))
