@@ -65,15 +65,11 @@ class Piece(NamedTuple):
     weights: np.ndarray  # (N, len(bones)) skinning weights; rows sum to 1
 
 
-def _ring_faces() -> np.ndarray:
-    """(F, 3) faces between consecutive rings of a piece, counter-clockwise seen from outside."""
-    ring, sector = np.meshgrid(np.arange(RINGS - 1), np.arange(SECTORS), indexing="ij")
-    a, b = ring * SECTORS + sector, ring * SECTORS + (sector + 1) % SECTORS
-    c, d = a + SECTORS, b + SECTORS
-    return np.stack([np.stack([a, c, d], axis=-1), np.stack([a, d, b], axis=-1)], axis=2).reshape(-1, 3)
-
-
-RING_FACES = _ring_faces()
+_ring, _sector = np.meshgrid(np.arange(RINGS - 1), np.arange(SECTORS), indexing="ij")
+_upper = np.stack([_ring * SECTORS + _sector, _ring * SECTORS + (_sector + 1) % SECTORS], axis=-1)
+_corners = np.concatenate([_upper, _upper + SECTORS], axis=-1)
+RING_FACES = _corners[..., [[0, 2, 3], [0, 3, 1]]].reshape(-1, 3)
+"""(F, 3) faces between consecutive rings of a piece, counter-clockwise seen from outside."""
 
 
 def _skirt() -> Piece:

@@ -72,14 +72,10 @@ def _adults(split: str) -> tuple[int, np.ndarray]:
     return first, share / share[-1]
 
 
-def _draw_adult(rng: np.random.Generator, split: str) -> int:
-    first, thresholds = _adults(split)
-    return first + int(np.searchsorted(thresholds, rng.random(), side="right"))
-
-
 def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Person:
     """A dressed person near one of the split's baked adults; of the split `benchmark`, in HELD_BACK garments."""
-    adult, asset = _draw_adult(rng, split), load_body()
+    asset, (first, thresholds) = load_body(), _adults(split)
+    adult = first + int(np.searchsorted(thresholds, rng.random(), side="right"))
     coefficients = asset.people[adult]
     coefficients = coefficients + config.shape_jitter * rng.standard_normal(len(coefficients), np.float32)
     wardrobe = HELD_BACK if split == "benchmark" else ORDINARY

@@ -183,11 +183,8 @@ class KpopSim(SetGenerator):
 
     def teacher_joints_m(self, index: int) -> np.ndarray:
         """(T, 15, 3) float32 joints of the teacher of dance `index`, metres, in the frame of a level camera that they face."""
-        return self.level_camera_joints_m(self._person(self._rng("teacher", index)), self.teacher_motion(index))
-
-    def level_camera_joints_m(self, person: Person, motion: Motion) -> np.ndarray:
-        """(T, 15, 3) float32 joints, metres, in the frame of a level camera that a person who performs a motion faces."""
-        return self.studio.level_joints_m(self.studio.play(person, motion, 0.0, np.zeros(2)))
+        person = self._person(self._rng("teacher", index))
+        return self.studio.level_joints_m(self.studio.play(person, self.teacher_motion(index), 0.0, np.zeros(2)))
 
     def learner(self, index: int, learner: int) -> LearnerMotion:
         level, teacher = self.levels(index)[learner], self.teacher_motion(index)

@@ -5,7 +5,7 @@ surfaces that return noise.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -158,7 +158,7 @@ class RoomImagesSet(SceneShards):
             camera, people = clear.camera, len(clear.joints_camera_m)
             arrays["depth_mm"][row, : camera.height, : camera.width] = measured.depth_mm
             arrays["labels"][row, : camera.height, : camera.width] = measured.labels
-            arrays["cameras"][row] = camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height
+            arrays["cameras"][row] = astuple(camera)
             arrays["joints_m"][row, :people], arrays["whole_px"][row, :people] = clear.joints_camera_m, clear.whole_px
         with atomic_hdf5(self.path(folder, index)) as file:
             file.attrs["format"], file.attrs["version"], file.attrs["simulated"] = FORMAT, VERSION, True

@@ -178,7 +178,8 @@ class RoomScenes(Sampler):
                 y_m = rng.uniform(*DISTANCE_M)
                 place_m = np.array([rng.uniform(-1, 1) * (0.5 + 0.9 * y_m), y_m, 0.0])
                 centre, half = place_m + (low + high_m) / 2, (high_m - low) / 2
-                if _outside(centre, walls) or _gap_m(view.position_m, centre, half) < NEAREST_M:
+                to_camera_m = np.linalg.norm(np.maximum(np.abs(view.position_m - centre) - half, 0))
+                if _outside(centre, walls) or to_camera_m < NEAREST_M:
                     continue
                 meshes.append(thing.moved(np.eye(3), place_m))
                 centres_m.append(centre)
@@ -264,11 +265,6 @@ def _outside(point_m: np.ndarray, walls: tuple[float, float, float, float] | Non
     left, right, far, turn = walls
     x, y, _ = about_z(-turn) @ point_m
     return not (left + 0.25 < x < right - 0.25 and y < far - 0.25)
-
-
-def _gap_m(point_m: np.ndarray, centre_m: np.ndarray, half_m: np.ndarray) -> float:
-    """Distance of a point from a box."""
-    return float(np.linalg.norm(np.maximum(np.abs(point_m - centre_m) - half_m, 0)))
 
 
 def _cells(body: Body, place_m: np.ndarray) -> np.ndarray:

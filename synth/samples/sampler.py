@@ -14,7 +14,7 @@ import numpy as np
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.shards import Sample
 from kpopnet.errors import InputError, check_between
-from kpopnet.rotations import multiply
+from kpopnet.rotations import about, multiply
 from kpopnet.skeleton import Joint
 from synth.body.asset import BodyAsset
 from synth.body.shape import BodyConfig, Person, draw_person
@@ -319,7 +319,7 @@ def body_rotations(asset: BodyAsset, quats: np.ndarray, yaw_rad: float, curls_ra
     local[..., 0] = 1
     # In motions y is up and z is the front; in the world z is up and -y is the front: (x, y, z) -> (x, -z, y).
     local[..., [asset.bone(name) for name in MOTION_BONES], :] = quats[..., (0, 1, 3, 2)] * (1, 1, -1, 1)
-    local[..., 0, :] = multiply(np.array([np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)]), local[..., 0, :])
+    local[..., 0, :] = multiply(about(2, yaw_rad), local[..., 0, :])
     for (side, sign), curl in zip((("Left", 1.0), ("Right", -1.0)), curls_rad, strict=True):
         for finger, share in FINGER_FLEXION.items():
             # In the T-pose the palms face down, so the fingers flex about the y axis.

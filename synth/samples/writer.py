@@ -207,7 +207,7 @@ def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]
         "shard": shard,
         "start": start,
         "stop": stop,
-        "camera": [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
+        "camera": dataclasses.astuple(camera),
         "joint_names": list(JOINT_NAMES),
         "packages": json.dumps({name: importlib.metadata.version(name) for name in PACKAGES}),
     }

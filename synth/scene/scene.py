@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.rotations import about
 from synth.body.asset import BodyAsset, load_body
 from synth.body.capsules import Capsules
 from synth.body.outfit import Skin, load_skin
@@ -118,8 +119,7 @@ class Scene:
         used = self._box_geoms[: len(room.centres_m)]
         model.geom_pos[used] = room.centres_m
         model.geom_size[used] = room.halves_m
-        half_rad = room.yaws_rad / 2
-        model.geom_quat[used] = np.stack([np.cos(half_rad), 0 * half_rad, 0 * half_rad, np.sin(half_rad)], axis=1)
+        model.geom_quat[used] = about(2, room.yaws_rad)
         model.geom_rbound[used] = np.linalg.norm(room.halves_m, axis=1)
         mujoco.mj_kinematics(model, self.data)
 

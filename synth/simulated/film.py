@@ -13,12 +13,13 @@ from scipy.spatial import ConvexHull
 
 from kpopnet.camera import Camera
 from kpopnet.dance.joint_files.points import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
-from kpopnet.rotations import multiply
+from kpopnet.rotations import about, multiply
 from synth.body.markers import MARKERS, tracked_markers
 from synth.body.shape import Person
 from synth.motion.skeleton import Motion, height_above_floor
 from synth.samples.observe import LIMB_ENDS
 from synth.samples.sampler import body_rotations
+from synth.scene.mesh import about_z
 from synth.scene.render import make_renderer
 from synth.scene.room import Furniture, Room, View, ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
@@ -63,10 +64,9 @@ class Played:
 
     def turned(self, yaw_rad: float) -> "Played":
         """The same rotated to the left, by an angle in radians, about the vertical axis through the origin."""
-        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-        rotation = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])  # multiplies row vectors
         local = self.local.copy()
-        local[:, 0] = multiply(np.array([np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)]), local[:, 0])
+        local[:, 0] = multiply(about(2, yaw_rad), local[:, 0])
+        rotation = about_z(-yaw_rad)  # multiplies row vectors
         rotated = {name: getattr(self, name) @ rotation for name in ("hips_m", "skin_m", "hull_m")}
         return replace(self, local=local, **rotated)
 

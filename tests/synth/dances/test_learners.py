@@ -141,7 +141,7 @@ def test_a_perfect_learner_scores_100_and_who_does_not_dance_next_to_nothing():
     for end in ENDS:
         motion = end_motion(end, teacher, MAKER.teacher_motion(50), np.random.default_rng(0))
         assert len(motion) == len(teacher)
-        joints_m = MAKER.level_camera_joints_m(person, motion)
+        joints_m = MAKER.studio.level_joints_m(MAKER.studio.play(person, motion, 0.0, np.zeros(2)))
         dances = (Performance(one, np.arange(len(one)) / teacher.fps) for one in (taught_m, joints_m))
         scores[end] = score_dance(*dances).similarity
     assert scores.pop("perfect") > 99.9
