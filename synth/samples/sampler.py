@@ -112,12 +112,6 @@ class RenderedSample(NamedTuple):
     props: tuple[str, ...]  # names of what is drawn around the person or in their hands
 
 
-class RenderedRoom(NamedTuple):
-    depth_mm: np.ndarray  # (H, W) uint16 depth, millimetres
-    floor: np.ndarray  # (4,) float32 floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0
-    site: Site  # the boxes, the camera's pose and the camera
-
-
 class _Pose(NamedTuple):
     """A pose for person `number`: (B, 4) local rotations of the bones, the height of the lowest point above the floor, the
     largest penetration of two body parts, both in metres, and the number of poses rejected before.
@@ -138,7 +132,7 @@ class _Placed(NamedTuple):
     pose: _Pose
     body: Body
     place_m: np.ndarray
-    room: RenderedRoom
+    room: Site
 
 
 class Sampler:
@@ -152,7 +146,7 @@ class Sampler:
         self.renderer = make_renderer(config.renderer, self.scene)
         self._seed = (seed, SPLITS.index(split))
         self._known_person = lru_cache(BLOCK)(self.person)
-        self._room: tuple[int, RenderedRoom] | None = None
+        self._room: tuple[int, Site] | None = None
 
     def close(self) -> None:
         self.renderer.close()
@@ -163,14 +157,14 @@ class Sampler:
     def person(self, number: int) -> Person:
         return draw_person(self._rng("body", number), self.config.body, self.split)
 
-    def room(self, index: int) -> RenderedRoom:
+    def room(self, index: int) -> Site:
         if self._room is None or self._room[0] != index:
             rng = self._rng("room", index)
             view, room = draw_view(rng, self.config.view), draw_room(rng, LIVING_ROOM)
             self.scene.set_view(view)
             self.scene.set_room(room)
             depth_mm, floor = millimetres(self.renderer.room_m()), view.floor().astype(np.float32)
-            self._room = index, RenderedRoom(depth_mm, floor, Site(room, view, self.scene.camera))
+            self._room = index, Site(room, view, self.scene.camera, depth_mm, floor)
         return self._room[1]
 
     def room_of(self, index: int) -> int:
@@ -231,8 +225,8 @@ class Sampler:
         cut = rng.random() < config.cut
         best, least = None, SOUND
         for refused in range(config.place_tries):
-            placed = _Placed(index, pose, body, draw_place(rng, config, body, room.site, cut), room)
-            fault = faults(body, placed.place_m, room.site, cut)
+            placed = _Placed(index, pose, body, draw_place(rng, config, body, room, cut), room)
+            fault = faults(body, placed.place_m, room, cut)
             if fault == SOUND:
                 rendered = self._render(placed, refused, forced=False)
                 if np.count_nonzero(rendered.sample.depth_mm) >= config.least_pixels:
@@ -296,7 +290,7 @@ class Sampler:
         (pose,) = self._draw_poses([own.number + int(rng.integers(1, OTHER_PEOPLE))], [rng])
         other, drawn_m = self._posed_body(pose), None
         for _ in range(self.config.stage.place_tries):
-            place_m = draw_place_beside(rng, placed.body, placed.place_m, other, room.site)
+            place_m = draw_place_beside(rng, placed.body, placed.place_m, other, room)
             if place_m is None:
                 continue
             scene.pose(pose.local, place_m)

@@ -67,7 +67,7 @@ def test_people_stand_on_the_floor_and_not_in_walls_or_furniture(sampler: Sample
     refused = 0
     for rendered in sampler.samples(0, 60):
         skin_m = sampler.renderer.vertices_world_m()
-        room = sampler.room(rendered.sample.room).site.room
+        room = sampler.room(rendered.sample.room).room
         for centre, half, yaw in zip(room.centres_m[1:], room.halves_m[1:], room.yaws_rad[1:], strict=True):
             assert not (np.abs((skin_m - centre) @ about_z(yaw)) < half).all(axis=1).any()
         assert skin_m[:, 2].min() > -1e-5 and not rendered.forced
