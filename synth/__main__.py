@@ -217,7 +217,8 @@ register_choices("sensor", SENSORS)
 
 @entry_point({"simulated_set": BenchmarkConfig}, "synth")
 def make_benchmark(config: BenchmarkConfig) -> None:
-    processes, folder, kind = number_of_processes(config.processes), Path(config.out), BENCHMARKS[config.benchmark.name]
+    processes, folder = number_of_processes(config.processes), Path(config.out)
+    (kind,) = (one for one in BENCHMARKS.values() if type(one().benchmark) is type(config.benchmark))
     a_set = kind(config.benchmark, config.motion, resolved_renderer(config.renderer, kind.camera))
     settings = ", ".join(f"{name} {value}" for name, value in asdict(config.benchmark).items() if name != "name")
     print(

@@ -52,6 +52,8 @@ class SetGenerator(ABC):
     sensor: SensorConfig = SENSORS["ideal"]  # sensor model
 
     def __post_init__(self) -> None:
+        if self.benchmark.name != type(self.benchmark).name:
+            raise InputError(f"benchmark.name={self.benchmark.name}: the set is called {type(self.benchmark).name}")
         composed = MotionConfig(source="choreography")
         if self.motion.source != "clips" and self.motion != composed:
             raise InputError(

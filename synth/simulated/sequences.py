@@ -59,8 +59,6 @@ class Selection:
     sequences: int = 1
 
     def __post_init__(self) -> None:
-        if self.name != type(self).name:
-            raise InputError(f"benchmark.name={self.name}: the set is called {type(self).name}")
         check_between("benchmark.seed", self.seed, 0, 2**32 - 1)
         check_between("benchmark.sequences", self.sequences, 1, type(self).sequences)
 

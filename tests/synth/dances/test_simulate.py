@@ -135,6 +135,8 @@ def test_invalid_settings_are_rejected():
     for wrong in ({"dances": 101}, {"split": "exam"}):
         with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
             KpopSimConfig(**wrong)
+    with pytest.raises(InputError, match=r"benchmark\.name=other: the set is called kpop_sim"):
+        KpopSim(KpopSimConfig(name="other"))
 
 
 def test_only_clips_of_category_dance_are_used(tmp_path):
