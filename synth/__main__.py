@@ -37,7 +37,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from kpopnet.camera import Camera
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.cpu import available_cores, bounded_processes
@@ -213,6 +213,7 @@ BENCHMARKS: dict[str, type[SetGenerator]] = {
 # A group of its own: evaluate.py has other settings for the same benchmarks.
 register_schemas("simulated", {name: one().benchmark for name, one in BENCHMARKS.items()}, place="benchmark")
 register_choices("sensor", SENSORS)
+register_choices("camera", [*CAMERAS, "custom"])
 
 
 @entry_point({"simulated_set": BenchmarkConfig}, "synth")
