@@ -93,8 +93,6 @@ class Recordings:
 
     def motion(self, index: int) -> Motion:
         """The longest run of good frames of recording number `index`."""
-        if not 0 <= index < len(self):
-            raise IndexError(index)
         motion, good = self._recording(index)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
         starts, stops = edges[::2], edges[1::2]

@@ -106,8 +106,6 @@ class Choreography:
         return self._dances
 
     def motion(self, index: int) -> Motion:
-        if not 0 <= index < self._dances:
-            raise IndexError(index)
         return dance(index, self._seed, self._seconds, self._fps)
 
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:

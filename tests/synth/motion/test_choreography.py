@@ -87,5 +87,3 @@ def test_single_poses_come_from_the_dances_and_face_the_front():
     front = rotate(poses.quats[:, 0].astype(float), np.broadcast_to([0.0, 0, 1], (40, 3)))
     assert (front[:, 2] > 0).all()
     assert height_above_floor(poses.quats, poses.root_m).min() > -0.01
-    with pytest.raises(IndexError):
-        source.motion(4)
