@@ -95,21 +95,15 @@ class CleanFrame:
 
 
 @dataclass(frozen=True)
-class Shot:
-    """One measured frame of one person with ground truth."""
+class Film:
+    """T measured frames of one person with ground truth."""
 
-    depth_m: np.ndarray  # (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured
-    person: np.ndarray  # (H, W) bool, pixels that show the person
-    joints_camera_m: np.ndarray  # (15, 3) float32 true joints, metres
-    # (M, 3) float32 markers on skin or clothes, metres, in the order of `synth.body.markers.MARKERS`
+    depth_m: np.ndarray  # (T, H, W) float32 depth of the whole scene, metres, 0 where nothing was measured
+    person: np.ndarray  # (T, H, W) bool, pixels that show the person
+    joints_camera_m: np.ndarray  # (T, 15, 3) float32 true joints, metres
+    # (T, M, 3) float32 markers on skin or clothes, metres, in the order of `synth.body.markers.MARKERS`
     markers_camera_m: np.ndarray
-    markers_tracked: np.ndarray  # (M,) bool, markers visible to a motion-capture system around the person
-
-
-@dataclass(frozen=True)
-class Film(Shot):
-    """Several frames: the arrays of `Shot` with a first axis of T frames."""
-
+    markers_tracked: np.ndarray  # (T, M) bool, markers visible to a motion-capture system around the person
     camera: Camera
 
 
@@ -234,18 +228,21 @@ class Studio:
         joints_m = self.scene.view.to_camera(self.scene.joints_world_m()).astype(np.float32)
         return CleanFrame(number, self.renderer.person_m(), room_m, joints_m)
 
-    def shots(self, take: Take, sensor: SensorConfig, noise: FilmNoise, frames: range) -> Iterator[Shot]:
-        """Renders and measures frames of a take; a frame is the same whichever others are made."""
+    def shots(self, take: Take, sensor: SensorConfig, noise: FilmNoise, frames: range) -> Iterator[dict[str, np.ndarray]]:
+        """Renders and measures frames of a take: of each the arrays of a `Film` but for the axis of time, by name.
+
+        A frame is the same whichever others are made.
+        """
         for clean in self.render(take, frames):
             depth_m, person = measure_frame(clean, self.scene.camera, sensor, noise)
             skin_m = self.renderer.vertices_world_m()
-            yield Shot(
-                depth_m=depth_m,
-                person=person,
-                joints_camera_m=clean.joints_camera_m,
-                markers_camera_m=take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32),
-                markers_tracked=tracked_markers(skin_m, take.place_m),
-            )
+            yield {
+                "depth_m": depth_m,
+                "person": person,
+                "joints_camera_m": clean.joints_camera_m,
+                "markers_camera_m": take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32),
+                "markers_tracked": tracked_markers(skin_m, take.place_m),
+            }
 
     def pose(self, played: Played, number: int, place_m: np.ndarray) -> None:
         """Poses the person of a motion as in frame `number`, moved by (3,) metres in the world."""

@@ -226,7 +226,7 @@ class StandIn(SequenceGenerator):
         return cut(motion, 0, frames)
 
     def shots(self, index: int, take: Take, frames: range) -> Iterator[dict[str, np.ndarray]]:
-        return map(vars, self.studio.shots(take, self.sensor, self.noise(index), frames))
+        return self.studio.shots(take, self.sensor, self.noise(index), frames)
 
     def film(self, index: int, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> Film:
         """The first frames of sequence `index`, or all of them."""
