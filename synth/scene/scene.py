@@ -14,7 +14,7 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.rotations import about
 from synth.body.asset import BodyAsset, load_body
-from synth.body.capsules import Capsules
+from synth.body.capsules import BONES, fit_capsules, may_touch
 from synth.body.outfit import Skin, load_skin
 from synth.body.shape import Person
 from synth.scene.room import MAX_BOXES, Room, View
@@ -34,8 +34,7 @@ class Scene:
         self.asset = load_body()
         self.skin = load_skin()
         self.camera = camera
-        self._capsules = Capsules(self.asset)
-        self.model = _compile(self.asset, self.skin, camera, self._capsules)
+        self.model = _compile(self.asset, self.skin, camera)
         self.data = mujoco.MjData(self.model)
         self.person: Person | None = None
         self.view: View | None = None
@@ -44,10 +43,10 @@ class Scene:
         self._bodies = np.array([model.body(name).id for name in self.asset.bone_names])
         self._quat_address = np.array([model.jnt_qposadr[model.body(name).jntadr[0]] for name in self.asset.bone_names])
         self._quat_address[0] += 3  # a free joint stores its position first
-        self._capsule_geoms = np.array([model.geom(f"capsule_{bone}").id for bone in self._capsules.bones])
+        self._capsule_geoms = np.array([model.geom(f"capsule_{bone}").id for bone in BONES])
         self._box_geoms = np.array([model.geom(f"box_{k}").id for k in range(MAX_BOXES)])
         self._may_touch = np.zeros((model.ngeom, model.ngeom), bool)
-        self._may_touch[np.ix_(self._capsule_geoms, self._capsule_geoms)] = self._capsules.may_touch(self.asset)
+        self._may_touch[np.ix_(self._capsule_geoms, self._capsule_geoms)] = may_touch()
 
     def _fitted(self, person: Person) -> tuple[np.ndarray, ...]:
         """Of B bones (B - 1, 3) offsets from the parents and (B, 4) bind rotations; of C capsules (C, 2) radius and half
@@ -55,7 +54,7 @@ class Scene:
         """
         parents = self.asset.bone_parents[1:]
         offsets = np.einsum("bij,bj->bi", person.t_pose[parents], person.heads_m[1:] - person.heads_m[parents])
-        radius, half_length, centre, axis = self._capsules.fit(person)
+        radius, half_length, centre, axis = fit_capsules(person)
         # A MuJoCo capsule lies along its own z axis.
         capsules = np.stack([radius, half_length], axis=1), centre, _quaternions(axis)
         return offsets, _quaternions(person.t_pose.transpose(0, 2, 1)), *capsules
@@ -124,7 +123,7 @@ class Scene:
         mujoco.mj_kinematics(model, self.data)
 
 
-def _compile(asset: BodyAsset, worn: Skin, camera: Camera, capsules: Capsules) -> mujoco.MjModel:
+def _compile(asset: BodyAsset, worn: Skin, camera: Camera) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     # The bounding volumes of the mid-phase collision test are compiled in and would be wrong for another person.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
@@ -142,7 +141,7 @@ def _compile(asset: BodyAsset, worn: Skin, camera: Camera, capsules: Capsules) -
         # MuJoCo requires a mass of a moving body. The dynamics are never simulated.
         body.mass, body.inertia, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], True
         bodies.append(body)
-    for bone in capsules.bones:
+    for bone in BONES:
         bodies[bone].add_geom(
             name=f"capsule_{bone}", type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[0.1, 0.1, 0], group=CAPSULE_GROUP
         )
