@@ -13,6 +13,7 @@ import numpy as np
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.body.shape import Person
+from synth.motion.choreography.pairs import Part
 from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
 from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, draw_camera, draw_view, nearest_depth_m, posed_view
 from synth.samples.layers import millimetres
@@ -21,7 +22,7 @@ from synth.scene.props import platform_under, seat_under
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes
 from synth.sensor.model import SENSORS, SensorConfig
-from synth.simulated.casts import CASTS, FPS, Part
+from synth.simulated.casts import CASTS, FPS
 from synth.simulated.film import (
     Played,
     Studio,

@@ -13,7 +13,7 @@ import numpy as np
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
-from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Role, draw_duet
+from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Part, draw_duet
 from synth.samples.layers import millimetres
 from synth.scene.room import DANCE_HALL, ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
@@ -86,24 +86,24 @@ class TwoPeople(SequenceGenerator):
         kind, people = self.kind(index), [self.person(self.first_person(index) + number) for number in (0, 1)]
         for attempt in range(SCENE_TRIES):
             rng = self._rng("sequence", index, attempt)
-            roles = draw_duet(rng, kind, int(rng.integers(*self.frames, endpoint=True)), FPS)
+            parts = draw_duet(rng, kind, int(rng.integers(*self.frames, endpoint=True)), FPS)
             cast = []
-            for studio, person, role in zip(self.studios, people, roles, strict=True):
+            for studio, person, part in zip(self.studios, people, parts, strict=True):
                 yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
-                cast.append(studio.play(person, role.motion, 0.0 if kind == "hug" else yaw_rad, curls_rad))
+                cast.append(studio.play(person, part.motion, 0.0 if kind == "hug" else yaw_rad, curls_rad))
             if any(penetrates_itself(played, round(FPS)) for played in cast):
                 continue
             joints_m = (
-                studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(role.place_m, 0.0))
-                for studio, played, role in zip(self.studios, cast, roles, strict=True)
+                studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(part.place_m, 0.0))
+                for studio, played, part in zip(self.studios, cast, parts, strict=True)
             )
             if kind != "hug" and not are_apart([*joints_m]):
                 continue
-            if (placed := self._place(rng, cast, roles, kind in LEAVES_IMAGE)) is not None:
+            if (placed := self._place(rng, cast, parts, kind in LEAVES_IMAGE)) is not None:
                 return placed
         raise InputError(f"{self.sequence_name(index)}: none of {SCENE_TRIES} scenes stays inside a room and the image")
 
-    def _place(self, rng: np.random.Generator, cast: list[Played], roles: tuple[Role, Role], leaves: bool) -> Duet | None:
+    def _place(self, rng: np.random.Generator, cast: list[Played], parts: list[Part], leaves: bool) -> Duet | None:
         """Searches a place in a room where both are seen whole, but for the second where they leave the image."""
         for _ in range(ROOM_TRIES):
             view, room = draw_view(rng, self.view), draw_room(rng, DANCE_HALL)
@@ -112,8 +112,8 @@ class TwoPeople(SequenceGenerator):
                 x_m, y_m = (rng.uniform(*bounds) for bounds in STAGE_M)
                 yaw_rad = -np.arctan2(x_m, y_m)  # what was played towards the camera still faces it
                 takes = [
-                    Take(played.turned(yaw_rad), room, view, on_stage(role.place_m, yaw_rad) + np.array((x_m, y_m, 0.0)))
-                    for played, role in zip(cast, roles, strict=True)
+                    Take(played.turned(yaw_rad), room, view, on_stage(part.place_m, yaw_rad) + np.array((x_m, y_m, 0.0)))
+                    for played, part in zip(cast, parts, strict=True)
                 ]
                 shown = zip(self.studios, takes, (True, not leaves), strict=True)
                 if all(not inside or studio.in_image(take) for studio, take, inside in shown) and all(
