@@ -51,6 +51,7 @@ def test_clothes_move_no_joint_and_no_collision_capsule() -> None:
     fitted = []
     for person in (BARE, dressed):
         scene.set_person(person)
+        np.testing.assert_array_equal(scene.model.skin_vert, person.vertices_m)
         fitted.append([getattr(scene.model, name).copy() for name in ("geom_size", "geom_pos", "geom_quat", "body_pos")])
     for one, other in zip(*fitted, strict=True):
         np.testing.assert_array_equal(one, other)

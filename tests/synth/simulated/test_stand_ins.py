@@ -9,6 +9,7 @@ from stand_ins import joints_world_m
 from kpopnet.skeleton import Joint
 from synth.body.markers import MARKERS, tracked_markers
 from synth.motion.choreography.programmes import Y_POSE_S
+from synth.scene.mesh import about_z
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import DISTANCE_RANGE_M, Take
 from synth.simulated.smmc10_sim import JOINT_MARKERS, Smmc10Sim, Smmc10SimConfig
@@ -79,6 +80,14 @@ def test_bodies_touch_the_floor_and_stay_inside_image_and_room(maker, takes):
             assert z.min() > 0 and u.min() >= 0 and v.min() >= 0 and u.max() <= 319 and v.max() <= 239
         assert min(lowest) > -1e-4 and max(lowest) < 0.35
         assert np.median(lowest) < 0.03
+
+
+def test_a_turned_motion_is_the_same_from_another_side(maker, takes):
+    played = next(iter(takes.values()))[0].played
+    joints_m, turned_m = (
+        maker.studio.joints_world_m(one.person, one.local[:40], one.hips_m[:40]) for one in (played, played.turned(0.7))
+    )
+    np.testing.assert_allclose(turned_m, joints_m @ about_z(0.7).T, atol=1e-5)
 
 
 def test_each_kind_shows_its_motion(takes):
