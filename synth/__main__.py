@@ -37,7 +37,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from kpopnet.camera import Camera
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.cpu import available_cores, bounded_processes
@@ -213,11 +213,13 @@ BENCHMARKS: dict[str, type[SetGenerator]] = {
 # A group of its own: evaluate.py has other settings for the same benchmarks.
 register_schemas("simulated", {name: one().benchmark for name, one in BENCHMARKS.items()}, place="benchmark")
 register_choices("sensor", SENSORS)
+register_choices("camera", [*CAMERAS, "custom"])
 
 
 @entry_point({"simulated_set": BenchmarkConfig}, "synth")
 def make_benchmark(config: BenchmarkConfig) -> None:
-    processes, folder, kind = number_of_processes(config.processes), Path(config.out), BENCHMARKS[config.benchmark.name]
+    processes, folder = number_of_processes(config.processes), Path(config.out)
+    (kind,) = (one for one in BENCHMARKS.values() if type(one().benchmark) is type(config.benchmark))
     a_set = kind(config.benchmark, config.motion, resolved_renderer(config.renderer, kind.camera))
     settings = ", ".join(f"{name} {value}" for name, value in asdict(config.benchmark).items() if name != "name")
     print(

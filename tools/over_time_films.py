@@ -90,7 +90,7 @@ class Films:
         covered = _covered(self._rng(index, 2), len(take), self.split == "train")
         noise, sensor = FilmNoise((*self.seed, index, 3)), SENSORS[choose(self._rng(index, 4), FILMED_BY)]
         for number, shot in enumerate(self.studio.shots(take, sensor, noise, range(len(take)))):
-            mask = shot.person.copy()
+            mask = shot["person"].copy()
             ys, xs = np.nonzero(mask)
             if not len(ys):
                 continue
@@ -98,11 +98,11 @@ class Films:
             if covered is not None and number in covered[0]:
                 first, last = (box[1] + part * (box[3] - box[1]) for part in covered[1])
                 mask[int(first) : int(last)] = False
-            human = Human.cut_out(0, shot.depth_m, mask.astype(np.int32), 1, box, np.zeros(3, np.float32))
+            human = Human.cut_out(0, shot["depth_m"], mask.astype(np.int32), 1, box, np.zeros(3, np.float32))
             row = self._estimates(human, camera, bodies)
             if row is not None:
-                hidden = _hidden(np.where(mask, shot.depth_m, 0), camera, shot.joints_camera_m)
-                rows.append(row | {"true_m": shot.joints_camera_m, "hidden": hidden, "times_s": number / FPS})
+                hidden = _hidden(np.where(mask, shot["depth_m"], 0), camera, shot["joints_camera_m"])
+                rows.append(row | {"true_m": shot["joints_camera_m"], "hidden": hidden, "times_s": number / FPS})
         return {name: np.array([row[name] for row in rows]) for name in rows[0]} if rows else None
 
     def _estimates(self, human: Human, camera, bodies) -> dict[str, np.ndarray] | None:

@@ -42,7 +42,7 @@ class Photographer:
     ) -> np.ndarray:
         """RGB image of a person in a pose (23, 4), turned to the left, with the true joints over it."""
         scene = self.scene
-        scene.set_person(scene.fit(person))
+        scene.set_person(person)
         local = body_rotations(scene.asset, quats, np.radians(yaw_deg), np.zeros(2))
         scene.pose(local, np.zeros(3))
         scene.pose(local, np.array([0, 0, -self.renderer.vertices_world_m()[:, 2].min()]))

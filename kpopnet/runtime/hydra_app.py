@@ -98,7 +98,8 @@ def entry_point(
 def _unknown_choice(error: MissingConfigException, folder: Path) -> Exception:
     """What can be chosen instead, in the place of Hydra's list of folders."""
     group, _, name = (error.missing_cfg_file or "").removesuffix(".yaml").rpartition("/")
-    known = sorted(path.stem for path in (folder / group).glob("*.yaml"))
+    registered = map(Path, ConfigStore.instance().repo.get(group, ()))  # "NAME.yaml", as files are
+    known = sorted({path.stem for path in [*(folder / group).glob("*.yaml"), *registered]} - {"schema"})
     return InputError(f"{group}={name}: expected one of {', '.join(known)}") if group and known else error
 
 

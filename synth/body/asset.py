@@ -37,7 +37,6 @@ class BodyAsset:
 
 @cache
 def load_body(path: Path = ASSET) -> BodyAsset:
-    """Loads the baked body model once per process."""
     with np.load(path, allow_pickle=False) as data:
         assert tuple(data["joint_names"]) == JOINT_NAMES
         parts = ("vertices", "heads", "joints")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from synth.body.asset import BodyAsset
+from synth.body.asset import load_body
 from synth.body.shape import Person
 
 _LIMBS = {
@@ -28,78 +28,65 @@ TRUNK = ("Hips", "LowerBack", "Spine", "Spine1")
 HEAD_HALF_LENGTH_M = 0.04
 
 
-class Capsules:
-    """Fits the C capsules of `CAPSULES` to a person.
+_ASSET = load_body()
+BONES = np.array([_ASSET.bone(name) for name in CAPSULES])
+"""(C,) bone of each capsule."""
 
-    Attributes:
-        names: names of the C bones.
-        bones: (C,) indices of the C bones.
-    """
-
-    def __init__(self, asset: BodyAsset) -> None:
-        self.names = tuple(CAPSULES)
-        self.bones = np.array([asset.bone(name) for name in CAPSULES])
-        self._ends = np.array([asset.bone(end) for end, _ in CAPSULES.values()])
-        self._shares = np.array([share for _, share in CAPSULES.values()])
-        self._trunk = np.isin(self.names, TRUNK)
-        self._head = self.names.index("Head")
-        # A body part is the set of vertices whose largest skinning weight is that of its bone.
-        parts = [np.flatnonzero(asset.weight_bones[:, 0] == bone) for bone in self.bones]
-        assert all(len(part) for part in parts)
-        self._vertices = np.concatenate(parts)
-        self._counts = np.array([len(part) for part in parts])
-        self._starts = np.cumsum(self._counts) - self._counts
-
-    def fit(self, person: Person) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Radius (C,) and half length (C,), and centre (C, 3) and unit axis (C, 3) in the frame of each bone, metres."""
-        part = person.bare_m[self._vertices].astype(float)
-        middle = np.add.reduceat(part, self._starts) / self._counts[:, None]
-        half = (np.maximum.reduceat(part, self._starts) - np.minimum.reduceat(part, self._starts)) / 2
-        begin, end = person.heads_m[self.bones].astype(float), person.heads_m[self._ends].astype(float)
-        # The spine runs along the back and the trunk is wide: the trunk's capsules lie across the body, through its middle.
-        across = np.zeros_like(middle)
-        across[:, 0] = np.maximum(half[:, 0] - half[:, 1], 0.01) * self._shares
-        trunk = self._trunk[:, None]
-        begin, end = np.where(trunk, middle - across, begin), np.where(trunk, middle + across, end)
-        begin[self._head] = middle[self._head] - (0, 0, HEAD_HALF_LENGTH_M)
-        end[self._head] = middle[self._head] + (0, 0, HEAD_HALF_LENGTH_M)
-
-        axis = end - begin
-        length = np.sqrt((axis**2).sum(1))
-        axis /= length[:, None]
-        capsule = np.repeat(np.arange(len(self.bones)), self._counts)
-        radial = part - begin[capsule]
-        radial -= (radial * axis[capsule]).sum(1, keepdims=True) * axis[capsule]
-        distance = np.sqrt((radial**2).sum(1))
-        radius = self._shares * np.add.reduceat(distance, self._starts) / self._counts
-        to_bone = person.t_pose[self.bones]
-        centre = np.einsum("cij,cj->ci", to_bone, (begin + end) / 2 - person.heads_m[self.bones])
-        return radius, np.maximum((length - radius) / 2, 0.005), centre, np.einsum("cij,cj->ci", to_bone, axis)
-
-    def may_touch(self, asset: BodyAsset) -> np.ndarray:
-        """(C, C) bool: pairs with at most two joints between them, and pairs that are in contact in ordinary poses."""
-        parents = asset.bone_parents
-        may = np.array([[_joints_between(a, b, parents) <= 2 for b in self.bones] for a in self.bones])
-
-        def allow(one: str, *others: str) -> None:
-            for other in others:
-                a, b = self.names.index(one), self.names.index(other)
-                may[a, b] = may[b, a] = True
-
-        for name in (*TRUNK, "Head"):
-            allow(name, *TRUNK)
-        for side in ("Left", "Right"):
-            allow(f"{side}Arm", "Spine1", "Spine", "Head")
-            allow(f"{side}UpLeg", *TRUNK, "LeftUpLeg", "RightUpLeg")
-            allow(f"{side}Leg", "Hips")
-        return may
+_NAMES = tuple(CAPSULES)
+_ENDS = np.array([_ASSET.bone(end) for end, _ in CAPSULES.values()])
+_SHARES = np.array([share for _, share in CAPSULES.values()])
+_IS_TRUNK, _HEAD = np.isin(_NAMES, TRUNK)[:, None], _NAMES.index("Head")
+# A body part is the set of vertices whose largest skinning weight is that of its bone.
+_PARTS = [np.flatnonzero(_ASSET.weight_bones[:, 0] == bone) for bone in BONES]
+_COUNTS = np.array([len(part) for part in _PARTS])
+_STARTS = np.cumsum(_COUNTS) - _COUNTS
 
 
-def _joints_between(a: int, b: int, parents: np.ndarray) -> int:
+def fit_capsules(person: Person) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Radius (C,) and half length (C,), and centre (C, 3) and unit axis (C, 3) in the frame of each bone, metres."""
+    part = person.bare_m[np.concatenate(_PARTS)].astype(float)
+    middle = np.add.reduceat(part, _STARTS) / _COUNTS[:, None]
+    half = (np.maximum.reduceat(part, _STARTS) - np.minimum.reduceat(part, _STARTS)) / 2
+    begin, end = person.heads_m[BONES].astype(float), person.heads_m[_ENDS].astype(float)
+    # The spine runs along the back and the trunk is wide: the trunk's capsules lie across the body, through its middle.
+    across = np.zeros_like(middle)
+    across[:, 0] = np.maximum(half[:, 0] - half[:, 1], 0.01) * _SHARES
+    begin, end = np.where(_IS_TRUNK, middle - across, begin), np.where(_IS_TRUNK, middle + across, end)
+    begin[_HEAD] = middle[_HEAD] - (0, 0, HEAD_HALF_LENGTH_M)
+    end[_HEAD] = middle[_HEAD] + (0, 0, HEAD_HALF_LENGTH_M)
+
+    axis = end - begin
+    length = np.sqrt((axis**2).sum(1))
+    axis /= length[:, None]
+    capsule = np.repeat(np.arange(len(BONES)), _COUNTS)
+    radial = part - begin[capsule]
+    radial -= (radial * axis[capsule]).sum(1, keepdims=True) * axis[capsule]
+    distance = np.sqrt((radial**2).sum(1))
+    radius = _SHARES * np.add.reduceat(distance, _STARTS) / _COUNTS
+    to_bone = person.t_pose[BONES]
+    centre = np.einsum("cij,cj->ci", to_bone, (begin + end) / 2 - person.heads_m[BONES])
+    return radius, np.maximum((length - radius) / 2, 0.005), centre, np.einsum("cij,cj->ci", to_bone, axis)
+
+
+def may_touch() -> np.ndarray:
+    """(C, C) bool: pairs with at most two joints between them, and pairs that are in contact in ordinary poses."""
+    may = np.array([[_joints_between(a, b) <= 2 for b in BONES] for a in BONES])
+    allowed = [(name, *TRUNK) for name in (*TRUNK, "Head")]
+    for side in ("Left", "Right"):
+        allowed.append((f"{side}Arm", "Spine1", "Spine", "Head"))
+        allowed.append((f"{side}UpLeg", *TRUNK, "LeftUpLeg", "RightUpLeg"))
+        allowed.append((f"{side}Leg", "Hips"))
+    for one, *others in allowed:
+        a, b = _NAMES.index(one), [_NAMES.index(other) for other in others]
+        may[a, b] = may[b, a] = True
+    return may
+
+
+def _joints_between(a: int, b: int) -> int:
     """Number of joints on the path from bone a to bone b in the bone tree."""
     to_root = [a], [b]
     for line in to_root:
-        while parents[line[-1]] >= 0:
-            line.append(int(parents[line[-1]]))
+        while _ASSET.bone_parents[line[-1]] >= 0:
+            line.append(int(_ASSET.bone_parents[line[-1]]))
     common = next(bone for bone in to_root[0] if bone in to_root[1])
     return to_root[0].index(common) + to_root[1].index(common)

@@ -18,9 +18,7 @@ from synth.body.asset import BodyAsset, vertex_normals
 
 SIDES = ("Left", "Right")
 TRUNK = ("LowerBack", "Spine", "Spine1", "LeftShoulder", "RightShoulder")
-
-THIN_M = 0.003
-"""Thickness of one layer of cloth."""
+THIN_M = 0.003  # thickness of one layer of cloth
 
 AZIMUTHS, LEVEL_M = 24, 0.03
 """Around the trunk, hanging cloth is resolved into this many directions, and along it into levels of this height."""
@@ -213,8 +211,7 @@ def _trousers(least_m: tuple[float, float, float], greatest_m: tuple[float, floa
 
 
 trousers = _trousers((0.085, 0.07, 0.065), (0.105, 0.095, 0.1))
-wide_trousers = _trousers((0.1, 0.085, 0.08), (0.125, 0.12, 0.14))
-"""Baggy, flared or sweat trousers."""
+wide_trousers = _trousers((0.1, 0.085, 0.08), (0.125, 0.12, 0.14))  # baggy, flared or sweat trousers
 
 
 def leggings(figure: Figure, rng: np.random.Generator) -> np.ndarray:

@@ -4,9 +4,6 @@ The motion-capture system is a ring of eight cameras around the person, like tho
 sitting on the floor or bending over occlude some markers.
 """
 
-from functools import cache
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
@@ -14,11 +11,8 @@ from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 
 RING_CAMERAS, RING_RADIUS_M, RING_HEIGHT_M = 8, 3.5, 2.4
-MIN_CAMERAS = 2
-"""A marker is tracked if this many cameras see it."""
-
-MARKER_RADIUS_M = 0.01
-"""A marker is a small ball on the skin; its centre lies this high above the skin."""
+MIN_CAMERAS = 2  # a marker is tracked if this many cameras see it
+MARKER_RADIUS_M = 0.01  # a marker is a small ball on the skin; its centre lies this high above the skin
 
 
 def _both(name: str, part: str, direction: tuple[float, float, float]) -> dict[str, tuple[Joint, tuple[float, float, float]]]:
@@ -47,18 +41,19 @@ _MARKER_DIRECTIONS = {
     **_both("TOE", "FOOT", (0, -1, -0.3)),
 }
 
-RAY_DISTANCE_M = 0.02
-"""Vertices within this distance of the ray from the joint are candidates for a marker."""
+RAY_DISTANCE_M = 0.02  # vertices within this distance of the ray from the joint are candidates for a marker
+
+
+_ASSET = load_body()
 
 
 def _marker_vertices() -> dict[str, int]:
     """The vertex of each marker, found on the mean body."""
-    asset = load_body()
-    points = asset.mean.reshape(-1, 3)
-    vertices, heads, joints = np.split(points, [len(asset.weights), len(points) - len(Joint)])
+    points = _ASSET.mean.reshape(-1, 3)
+    vertices, heads, joints = np.split(points, [len(_ASSET.weights), len(points) - len(Joint)])
     found = {}
     for name, (origin, direction) in _MARKER_DIRECTIONS.items():
-        start = heads[asset.bone(origin)] if isinstance(origin, str) else joints[origin]
+        start = heads[_ASSET.bone(origin)] if isinstance(origin, str) else joints[origin]
         ray = np.array(direction) / np.linalg.norm(direction)
         offset = vertices - start
         along = offset @ ray
@@ -74,45 +69,35 @@ MARKERS: dict[str, int] = _marker_vertices()
 """Index of the vertex of each marker, by the marker's name. It is the same vertex on every body."""
 
 
+def _grouped(pieces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """All pieces as one array, and the index of the first row of each."""
+    return np.concatenate(pieces), np.cumsum([0, *map(len, pieces[:-1])])
+
+
+_PARTS = [_ASSET.faces[_ASSET.weight_bones[_ASSET.faces[:, 0], 0] == bone] for bone in range(len(_ASSET.bone_names))]
+_PARTS = [part for part in _PARTS if len(part)]
+"""(F, 3) triangles of the body's parts: of a part the bone with the largest skinning weight is the same."""
+
+_FACES, _FACE_STARTS = _grouped(_PARTS)
+_CORNERS, _CORNER_STARTS = _grouped([np.unique(part) for part in _PARTS])  # vertices of each part
+_AROUND, _AROUND_STARTS = _grouped([_ASSET.faces[(_ASSET.faces == vertex).any(axis=1)] for vertex in MARKERS.values()])
+
+
 def tracked_markers(vertices_world_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
     """(M,) bool: the MARKERS on a posed body with skin vertices (V, 3) that MIN_CAMERAS cameras of a ring about (3,) see."""
     angles = 2 * np.pi * np.arange(RING_CAMERAS) / RING_CAMERAS
     ring_m = np.stack([RING_RADIUS_M * np.cos(angles), RING_RADIUS_M * np.sin(angles), 0 * angles], axis=1)
     cameras_m = np.array([place_m[0], place_m[1], RING_HEIGHT_M]) + ring_m
-    vertices, skin = vertices_world_m.astype(np.float64), _skin()
-    part_vertices = vertices[skin.part_corners]
-    count = np.diff(skin.corner_starts, append=len(part_vertices))
-    middles = np.add.reduceat(part_vertices, skin.corner_starts) / count[:, None]
-    distance2 = ((part_vertices - np.repeat(middles, count, axis=0)) ** 2).sum(axis=1)
-    radii2 = np.maximum.reduceat(distance2, skin.corner_starts)
-    a, b, c = vertices[skin.marker_faces.T]
-    normals = np.add.reduceat(np.cross(b - a, c - a), skin.marker_starts)
+    vertices = vertices_world_m.astype(np.float64)
+    corners, count = vertices[_CORNERS], np.diff(_CORNER_STARTS, append=len(_CORNERS))
+    middles = np.add.reduceat(corners, _CORNER_STARTS) / count[:, None]
+    distance2 = ((corners - np.repeat(middles, count, axis=0)) ** 2).sum(axis=1)
+    radii2 = np.maximum.reduceat(distance2, _CORNER_STARTS)
+    a, b, c = vertices[_AROUND.T]
+    normals = np.add.reduceat(np.cross(b - a, c - a), _AROUND_STARTS)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     markers_m = vertices[list(MARKERS.values())] + MARKER_RADIUS_M * normals
-    return _tracked(vertices, skin.faces, skin.face_starts, middles, radii2, markers_m, cameras_m)
-
-
-class _Skin(NamedTuple):
-    """The body's triangles, grouped by the bone with the largest skinning weight (a part), and those around the markers."""
-
-    faces: np.ndarray  # (F, 3) triangles, ordered by part
-    face_starts: np.ndarray  # (P,) index of the first triangle of each part
-    part_corners: np.ndarray  # (C,) vertices of each part's triangles
-    corner_starts: np.ndarray  # (P,) index of the first vertex of each part
-    marker_faces: np.ndarray  # (N, 3) triangles around each marker
-    marker_starts: np.ndarray  # (M,) index of the first triangle of each marker
-
-
-@cache
-def _skin() -> _Skin:
-    asset = load_body()
-    bone = asset.weight_bones[asset.faces[:, 0], 0]
-    parts = [asset.faces[bone == one] for one in np.unique(bone)]
-    corners = [np.unique(part) for part in parts]
-    around = [asset.faces[(asset.faces == vertex).any(axis=1)] for vertex in MARKERS.values()]
-    starts = [np.cumsum([0, *map(len, pieces[:-1])]) for pieces in (parts, corners, around)]
-    joined = [np.concatenate(pieces) for pieces in (parts, corners, around)]
-    return _Skin(*(array for pair in zip(joined, starts, strict=True) for array in pair))
+    return _tracked(vertices, _FACES, _FACE_STARTS, middles, radii2, markers_m, cameras_m)
 
 
 @njit(cache=True)

@@ -19,8 +19,7 @@ from kpopnet.errors import check_between
 from synth.body.asset import load_body
 from synth.body.garments import ORDINARY, Figure, Garment, Wardrobe, folds, hair, jacket, leggings, outermost, shoes
 
-FOLD_DEPTH = 0.25
-"""Folds take up to this fraction of the distance from skin to cloth."""
+FOLD_DEPTH = 0.25  # folds take up to this fraction of the distance from skin to cloth
 
 
 @dataclass(frozen=True)
@@ -56,8 +55,7 @@ class ClothesConfig:
 
 RINGS, SECTORS = 9, 20
 ANGLES_RAD = 2 * np.pi * np.arange(SECTORS) / SECTORS
-SKIRT_EASE_M = 0.015
-"""Distance of a skirt from what it lies around."""
+SKIRT_EASE_M = 0.015  # distance of a skirt from what it lies around
 
 
 class Piece(NamedTuple):
@@ -67,15 +65,11 @@ class Piece(NamedTuple):
     weights: np.ndarray  # (N, len(bones)) skinning weights; rows sum to 1
 
 
-def _ring_faces() -> np.ndarray:
-    """(F, 3) faces between consecutive rings of a piece, counter-clockwise seen from outside."""
-    ring, sector = np.meshgrid(np.arange(RINGS - 1), np.arange(SECTORS), indexing="ij")
-    a, b = ring * SECTORS + sector, ring * SECTORS + (sector + 1) % SECTORS
-    c, d = a + SECTORS, b + SECTORS
-    return np.stack([np.stack([a, c, d], axis=-1), np.stack([a, d, b], axis=-1)], axis=2).reshape(-1, 3)
-
-
-RING_FACES = _ring_faces()
+_ring, _sector = np.meshgrid(np.arange(RINGS - 1), np.arange(SECTORS), indexing="ij")
+_upper = np.stack([_ring * SECTORS + _sector, _ring * SECTORS + (_sector + 1) % SECTORS], axis=-1)
+_corners = np.concatenate([_upper, _upper + SECTORS], axis=-1)
+RING_FACES = _corners[..., [[0, 2, 3], [0, 3, 1]]].reshape(-1, 3)
+"""(F, 3) faces between consecutive rings of a piece, counter-clockwise seen from outside."""
 
 
 def _skirt() -> Piece:
@@ -115,7 +109,6 @@ class Skin(NamedTuple):
 
 @cache
 def load_skin() -> Skin:
-    """The mesh of every dressed person."""
     asset = load_body()
     faces, bones, weights, starts = [asset.faces], [asset.weight_bones], [asset.weights], {}
     count = len(asset.weights)
@@ -209,7 +202,6 @@ def put_on(figure: Figure, rng: np.random.Generator, config: ClothesConfig, ward
 
 
 def _drawn(garments: dict[str, tuple[float, Garment]], rng: np.random.Generator) -> Garment:
-    """A garment, drawn by weight."""
     thresholds = np.cumsum([weight for weight, _ in garments.values()])
     chosen = int(np.searchsorted(thresholds, rng.random() * thresholds[-1], side="right"))
     return list(garments.values())[min(chosen, len(garments) - 1)][1]

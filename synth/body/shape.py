@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
-from numba import njit
 
 from kpopnet.errors import check_between
 from synth.body.asset import BodyAsset, load_body
@@ -35,7 +34,7 @@ class BodyConfig:
         check_between("body.shape_jitter", self.shape_jitter, 0, 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Person:
     """One body at rest (Anny's A-pose)."""
 
@@ -72,14 +71,10 @@ def _adults(split: str) -> tuple[int, np.ndarray]:
     return first, share / share[-1]
 
 
-def _draw_adult(rng: np.random.Generator, split: str) -> int:
-    first, thresholds = _adults(split)
-    return first + int(np.searchsorted(thresholds, rng.random(), side="right"))
-
-
 def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Person:
     """A dressed person near one of the split's baked adults; of the split `benchmark`, in HELD_BACK garments."""
-    adult, asset = _draw_adult(rng, split), load_body()
+    asset, (first, thresholds) = load_body(), _adults(split)
+    adult = first + int(np.searchsorted(thresholds, rng.random(), side="right"))
     coefficients = asset.people[adult]
     coefficients = coefficients + config.shape_jitter * rng.standard_normal(len(coefficients), np.float32)
     wardrobe = HELD_BACK if split == "benchmark" else ORDINARY
@@ -89,7 +84,11 @@ def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Per
 def shape_person(coefficients: np.ndarray) -> Person:
     """The body without clothes and hair for (K,) shape coefficients."""
     asset = load_body()
-    points = _blend(asset.mean, asset.basis, coefficients.astype(np.float32)).reshape(-1, 3)
+    points = asset.mean.copy()
+    # One component after the other: the last bits of a BLAS product differ between machines.
+    for coefficient, displacement in zip(coefficients.astype(np.float32), asset.basis, strict=True):
+        points += coefficient * displacement
+    points = points.reshape(-1, 3)
     num_vertices, num_bones = len(asset.weights), len(asset.bone_names)
     vertices, heads, joints = np.split(points, [num_vertices, num_vertices + num_bones])
     hip, knee, ankle = (heads[asset.bone(name)] for name in ("LeftUpLeg", "LeftLeg", "LeftFoot"))
@@ -103,17 +102,6 @@ def shape_person(coefficients: np.ndarray) -> Person:
         stature_m=float(np.ptp(vertices[:, 2])),
         leg_m=float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)),
     )
-
-
-@njit(cache=True)
-def _blend(mean, basis, coefficients):
-    """Mean + coefficients @ basis in a fixed order of summation: the last bits of a BLAS product differ between machines."""
-    blended = mean.copy()
-    for component in range(basis.shape[0]):
-        coefficient = coefficients[component]
-        for k in range(basis.shape[1]):
-            blended[k] += coefficient * basis[component, k]
-    return blended
 
 
 def dress(

@@ -10,13 +10,13 @@ Learner k of dance d is a pure function of the settings, d and k. No training se
 dances; `split=train` gives other dances by other people, for calibration.
 """
 
+import itertools
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 
 from kpopnet.camera import CAMERAS
 from kpopnet.dance.performance import Performance
@@ -40,12 +40,9 @@ from synth.simulated.film import Studio, Take, measure_frame
 from synth.simulated.generator import SetGenerator, is_faulty
 from synth.simulated.sequences import HEADING_STD_DEG
 
-MAX_NEIGHBOUR_STEP_M = 0.1
-"""Neighbouring pixels are connected if their depths differ by less."""
-
+MAX_NEIGHBOUR_STEP_M = 0.1  # neighbouring pixels are connected if their depths differ by less
 DANCES = 100
-SEED = 2018
-"""Of the benchmark; nothing that was scored before it was fixed has this seed."""
+SEED = 2018  # of the benchmark; nothing that was scored before it was fixed has this seed
 
 SPACING = {"skill": 0.5, "mixed": 0.4, "ends": 0.0}
 """Spacing of the levels by the family of faults, see `synth.dances.skill.SkillConfig`: on other dances, of the split train, the
@@ -186,14 +183,10 @@ class KpopSim(SetGenerator):
 
     def teacher_joints_m(self, index: int) -> np.ndarray:
         """(T, 15, 3) float32 joints of the teacher of dance `index`, metres, in the frame of a level camera that they face."""
-        return self.level_camera_joints_m(self._person(self._rng("teacher", index)), self.teacher_motion(index))
-
-    def level_camera_joints_m(self, person: Person, motion: Motion) -> np.ndarray:
-        """(T, 15, 3) float32 joints, metres, in the frame of a level camera that a person who performs a motion faces."""
-        return self.studio.level_joints_m(self.studio.play(person, motion, 0.0, np.zeros(2)))
+        person = self._person(self._rng("teacher", index))
+        return self.studio.level_joints_m(self.studio.play(person, self.teacher_motion(index), 0.0, np.zeros(2)))
 
     def learner(self, index: int, learner: int) -> LearnerMotion:
-        """What a learner of dance `index` dances."""
         level, teacher = self.levels(index)[learner], self.teacher_motion(index)
         if self.benchmark.faults == "ends":
             rng, another = self._rng("faults", index, learner), self.teacher_motion(index + DANCES)
@@ -289,24 +282,16 @@ class KpopSim(SetGenerator):
         return sheet(rows, (TRUE,), f"{manifest['about']} Depth of the person alone, true joints")
 
 
-@njit(cache=True)
-def connected(depth_m):
-    """Sets isolated pixels of (h, w) depth to 0: at depth edges the sensor measures some between person and wall.
+def connected(depth_m: np.ndarray) -> np.ndarray:
+    """(h, w) depth without isolated pixels: at depth edges the sensor measures some between person and wall.
 
     A pixel is kept if the depths of at least two of its eight neighbours differ from its own by less than
     MAX_NEIGHBOUR_STEP_M. This replaces the extraction of people from whole scenes, which is based on connectivity, too.
     """
     height, width = depth_m.shape
-    kept = np.zeros_like(depth_m)
-    for y in range(height):
-        for x in range(width):
-            if depth_m[y, x] == 0:
-                continue
-            num_connected = 0
-            for v in range(max(y - 1, 0), min(y + 2, height)):
-                for u in range(max(x - 1, 0), min(x + 2, width)):
-                    if depth_m[v, u] > 0 and abs(depth_m[v, u] - depth_m[y, x]) < MAX_NEIGHBOUR_STEP_M:
-                        num_connected += 1
-            if num_connected > 2:  # the count includes the pixel itself
-                kept[y, x] = depth_m[y, x]
-    return kept
+    padded = np.pad(depth_m, 1)
+    num_connected = np.zeros(depth_m.shape, int)  # the pixel itself, too
+    for v, u in itertools.product(range(3), range(3)):
+        other_m = padded[v : v + height, u : u + width]
+        num_connected += (other_m > 0) & (np.abs(other_m - depth_m) < MAX_NEIGHBOUR_STEP_M)
+    return np.where((depth_m > 0) & (num_connected > 2), depth_m, np.float32(0))

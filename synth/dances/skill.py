@@ -40,8 +40,6 @@ SHARES = np.array([_SHARES[name.removeprefix("Left").removeprefix("Right")] for 
 
 @dataclass(frozen=True)
 class Strengths:
-    """Strengths of a learner's errors."""
-
     lag_s: float  # mean delay, seconds
     unevenness_s: float  # standard deviation of the delay over time, seconds
     damping: float  # fraction by which every movement is smaller than the teacher's

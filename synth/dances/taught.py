@@ -16,9 +16,7 @@ from synth.simulated.generator import is_faulty
 
 DANCES = 100
 FPS = 30.0
-SEED = 20181
-"""First seed of the collection; a dance that leaves the stage is replaced by that of the next seed."""
-
+SEED = 20181  # first seed of the collection; a dance that leaves the stage is replaced by that of the next seed
 MAX_TRAVEL_M = 1.0
 SECONDS = (20.0, 36.0)
 CURLS_RAD = np.array([0.3, 0.3])
@@ -29,8 +27,6 @@ _NOUNS = ("Step", "Parade", "Heart", "Rush", "Signal", "Mirror", "Wave", "Crown"
 
 @dataclass(frozen=True, eq=False)
 class PlayedDance:
-    """A dance on the teacher's body."""
-
     name: str
     bpm: float  # beats per minute; the first beat is at time 0
     fps: float

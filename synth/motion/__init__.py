@@ -6,8 +6,8 @@ anatomical angles (`posture`). Dances are sequences of moves (`choreography.move
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -22,14 +22,13 @@ __all__ = ["SPLITS", "MixedPoses", "MotionConfig", "MotionSource", "Poses", "bui
 
 
 class MotionSource(Protocol):
-    """A source of single poses."""
-
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
         """Draws one pose per generator. Pose k depends only on generator k; a generator may be used again."""
         ...
 
 
 SPLITS = ("train", "validation", "test")
+SOURCES = ("clips", "choreography", "poses", "mix")
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class MotionConfig:
     weights: dict[str, float] = field(default_factory=lambda: {"poses": 0.8, "choreography": 0.2})
 
     def __post_init__(self) -> None:
-        check_one_of("motion.source", self.source, _SOURCES)
+        check_one_of("motion.source", self.source, SOURCES)
         if self.source == "clips" and self.path is None:
             raise InputError("motion.source=clips needs motion.path=PACK_OR_BVH_FILES; motion=choreography needs no data")
         if self.fps is not None:
@@ -65,7 +64,7 @@ class MotionConfig:
         check_between("motion.dances", self.dances, 1, 1e6)
         check_between("motion.seconds", self.seconds, 1, 3600)
         if self.source == "mix":
-            known, weights = set(_SOURCES) - {"mix"}, self.weights.values()
+            known, weights = set(SOURCES) - {"mix"}, self.weights.values()
             if not (set(self.weights) <= known and all(0 <= one < math.inf for one in weights) and 0 < sum(weights) < math.inf):
                 raise InputError(
                     f"motion.weights={self.weights}: expected weights >= 0, not all 0, of clips, choreography and poses"
@@ -90,28 +89,9 @@ class MixedPoses:
             if len(rows):
                 parts.append(source.poses([generators[i] for i in rows]))
                 order.extend(rows)
-        inverse = np.argsort(order)
-        names = [name for part in parts for name in part.names]
-        quats, root_m, leg_m = (np.concatenate([getattr(p, a) for p in parts])[inverse] for a in ("quats", "root_m", "leg_m"))
-        return Poses(quats, root_m, leg_m, [names[i] for i in inverse])
-
-
-def _choreography(config: MotionConfig, split: str) -> MotionSource:
-    own_seed = len(SPLITS) * config.seed + SPLITS.index(split)
-    return Choreography(config.dances, own_seed, config.seconds, config.fps or 30.0)
-
-
-def _mix(config: MotionConfig, split: str) -> MotionSource:
-    weights = {name: weight for name, weight in sorted(config.weights.items()) if weight > 0}  # the order says nothing
-    return MixedPoses([_SOURCES[name](config, split) for name in weights], list(weights.values()))
-
-
-_SOURCES: dict[str, Callable[[MotionConfig, str], MotionSource]] = {
-    "clips": lambda config, split: open_clips(config.path, split, config.fps),
-    "choreography": _choreography,
-    "poses": lambda config, split: ProceduralPoses(),
-    "mix": _mix,
-}
+        inverse, drawn = np.argsort(order), Poses.joined(parts)
+        names = [drawn.names[i] for i in inverse]
+        return Poses(drawn.quats[inverse], drawn.root_m[inverse], drawn.leg_m[inverse], names)
 
 
 def build_motion(config: MotionConfig, split: str) -> MotionSource:
@@ -122,4 +102,13 @@ def build_motion(config: MotionConfig, split: str) -> MotionSource:
     dances are split by their seeds. Procedural poses have no split. Raises InputError if recordings cannot be read.
     """
     check_one_of("split", split, SPLITS)
-    return _SOURCES[config.source](config, split)
+    if config.source == "clips":
+        return open_clips(config.path, split, config.fps)
+    if config.source == "choreography":
+        own_seed = len(SPLITS) * config.seed + SPLITS.index(split)
+        return Choreography(config.dances, own_seed, config.seconds, config.fps or 30.0)
+    if config.source == "poses":
+        return ProceduralPoses()
+    weights = {name: weight for name, weight in sorted(config.weights.items()) if weight > 0}  # the order says nothing
+    sources = [build_motion(replace(config, source=name), split) for name in weights]
+    return MixedPoses(sources, list(weights.values()))

@@ -66,7 +66,6 @@ def arm_to(side: str, place: str) -> Angles:
 
 
 def hanging_arm(generator: np.random.Generator, side: str) -> Angles:
-    """A relaxed arm."""
     a, b, c, d = generator.random(4)
     return limb(side, raise_=3 + 17 * a, plane=-40 + 100 * b, twist=-35 + 45 * c, elbow=4 + 35 * d * d)
 
@@ -148,7 +147,6 @@ def trunk(generator: np.random.Generator, amount: float = 1.0) -> Angles:
 
 
 def neutral_trunk(generator: np.random.Generator) -> Angles:
-    """A nearly upright trunk."""
     return trunk(generator, 0.3)
 
 

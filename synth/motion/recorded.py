@@ -34,8 +34,8 @@ from synth.motion.skeleton import (
     PARENTS,
     Motion,
     Poses,
-    facing_front,
     height_above_floor,
+    still,
 )
 from synth.motion.splice import cut
 
@@ -59,9 +59,7 @@ _CLIP = {
 }
 
 _PACK_SPLITS = {"train": "train", "validation": "val", "test": "test"}
-
-Recording = tuple[Motion, np.ndarray]
-"""A motion, and (T,) bool: its good frames."""
+Recording = tuple[Motion, np.ndarray]  # a motion, and (T,) bool: its good frames
 
 
 class Recordings:
@@ -95,8 +93,6 @@ class Recordings:
 
     def motion(self, index: int) -> Motion:
         """The longest run of good frames of recording number `index`."""
-        if not 0 <= index < len(self):
-            raise IndexError(index)
         motion, good = self._recording(index)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
         starts, stops = edges[::2], edges[1::2]
@@ -104,19 +100,14 @@ class Recordings:
         return cut(motion, starts[longest], stops[longest])
 
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
-        """A random good frame per generator, rotated to face +Z. A recording is drawn in proportion to its length."""
-        quats = np.empty((len(generators), NUM_JOINTS, 4), np.float32)
-        root_m = np.zeros((len(generators), 3), np.float32)
-        leg_m = np.empty(len(generators), np.float32)
-        names = []
-        for n, generator in enumerate(generators):
+        """A random good frame per generator. A recording is drawn in proportion to its length."""
+        drawn = []
+        for generator in generators:
             index = int(np.searchsorted(self._ends[:-1], generator.random() * self._ends[-1], side="right"))
             motion, good = self._recording(index)
             frames = np.flatnonzero(good)
-            frame = frames[int(generator.random() * len(frames))]
-            quats[n], root_m[n, 1], leg_m[n] = motion.quats[frame], motion.root_m[frame, 1], motion.leg_m
-            names.append(f"{motion.name}@{frame / motion.fps:.1f}s")
-        return Poses(facing_front(quats), root_m, leg_m, names)
+            drawn.append(still(motion, frames[int(generator.random() * len(frames))]))
+        return Poses.joined(drawn)
 
 
 def open_clips(path: str | Path, split: str, fps: float | None = None) -> Recordings:

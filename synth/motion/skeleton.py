@@ -7,6 +7,7 @@ parent. The product down the chain is therefore the joint's world rotation relat
 """
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,8 +80,6 @@ MIRROR = np.array([INDEX[re.sub("Left|Right", lambda side: _OTHER[side[0]], name
 
 @dataclass(frozen=True)
 class Motion:
-    """A motion of one person."""
-
     quats: np.ndarray  # (T, 23, 4) float32, local rotations w, x, y, z relative to the T-pose
     root_m: np.ndarray  # (T, 3) float32, position of Hips, metres
     fps: float  # frames per second
@@ -104,6 +103,12 @@ class Poses:
 
     def __len__(self) -> int:
         return len(self.quats)
+
+    @classmethod
+    def joined(cls, parts: Sequence["Poses"]) -> "Poses":
+        """The poses of all parts in order."""
+        quats, root_m, leg_m = (np.concatenate([getattr(one, name) for one in parts]) for name in ("quats", "root_m", "leg_m"))
+        return cls(quats, root_m, leg_m, [name for one in parts for name in one.names])
 
 
 @njit(cache=True)
@@ -167,3 +172,10 @@ def facing_front(quats: np.ndarray) -> np.ndarray:
     facing = quats.copy()
     facing[:, 0] = multiply(conjugate(heading), quats[:, 0])
     return facing
+
+
+def still(motion: Motion, frame: int) -> Poses:
+    """A frame of a motion as a single pose."""
+    root_m = np.array([(0, motion.root_m[frame, 1], 0)], np.float32)
+    name = f"{motion.name}@{frame / motion.fps:.1f}s"
+    return Poses(facing_front(motion.quats[frame][None]), root_m, np.array([motion.leg_m], np.float32), [name])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kpopnet.rotations import conjugate, multiply, rotate
+from kpopnet.rotations import conjugate, multiply, normalised, rotate, towards
 from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor
 
 _BLEND_SPEED_RAD_S = 5.0
@@ -42,9 +42,7 @@ def at_times(motion: Motion, seconds: np.ndarray, fps: float) -> Motion:
     after = np.minimum(before + 1, len(motion) - 1)
     fraction = position - before
     a, b = motion.quats[before].astype(np.float64), motion.quats[after].astype(np.float64)
-    b = np.where((a * b).sum(axis=-1, keepdims=True) < 0, -b, b)
-    quats = a + fraction[:, None, None] * (b - a)
-    quats /= np.linalg.norm(quats, axis=-1, keepdims=True)
+    quats = normalised(towards(a, b, fraction[:, None, None]))
     root_m = motion.root_m[before] + fraction[:, None] * (motion.root_m[after] - motion.root_m[before])
     return Motion(quats.astype(np.float32), root_m.astype(np.float32), fps, motion.name, motion.leg_m)
 

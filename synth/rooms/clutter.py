@@ -11,9 +11,7 @@ from synth.scene.mesh import Box, Mesh, ball, boxes, joined, rod
 from synth.scene.room import LIVING_ROOM
 
 Clutter = Callable[[np.random.Generator], Mesh]
-
-UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-"""Turns a rod along y upright."""
+UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # turns a rod along y upright
 
 
 def pole(radius_m: float, low_m: float, high_m: float, x_m: float = 0.0, y_m: float = 0.0) -> Mesh:
@@ -187,7 +185,6 @@ def row_of_parts(rng: np.random.Generator) -> Mesh:
 
 
 def of_boxes(furniture: Callable[[np.random.Generator], list[Box]]) -> Clutter:
-    """Furniture as clutter."""
     return lambda rng: boxes(furniture(rng))
 
 

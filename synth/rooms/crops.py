@@ -5,7 +5,7 @@ hands are missing, and parts of other people and of things are there.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -23,12 +23,12 @@ from kpopnet.weights import FINDER_SHA256
 from synth.rooms.images import MeasuredScene, RoomImagesConfig, SceneShards
 from synth.rooms.scene import ClearScene
 
-IMAGE_PX = (320, 240)
-"""Most width and height of the scenes' images."""
+IMAGE_PX = (320, 240)  # most width and height of the scenes' images
 
 FINDER = FinderConfig(least_certainty=0.3)
 """Less sure than where it is used: those whom it hardly finds are the hard ones."""
 
+TILE_PX = 240
 NEAR_M, LEAST_PX = 0.3, 100
 """A crop is of the person whose torso is this near to the finder's, and shows at least LEAST_PX pixels."""
 
@@ -68,7 +68,7 @@ class PersonCropsSet(SceneShards):
         arrays = {
             "pixels_mm": np.concatenate(pixels),
             "starts": np.append(0, np.cumsum([len(one) for one in pixels])),
-            "cameras": np.array([[getattr(crop.camera, name) for name in CAMERA] for crop in crops], float),
+            "cameras": np.array([astuple(crop.camera) for crop in crops], float),
             "joints_m": np.stack([crop.joints_camera_m for crop in crops]).astype(np.float32),
             "visible": np.stack([crop.visible for crop in crops]),
         }
@@ -101,10 +101,6 @@ def crops_of(clear: ClearScene, measured: MeasuredScene) -> Iterator[Observation
         if apart_m[row, person] < NEAR_M and np.count_nonzero(human.depth_m) >= LEAST_PX:
             visible = shows(measured.labels, person + 1, camera, joints_m[person])
             yield Observation(human.depth_m, human.cropped(camera), joints_m[person], visible)
-
-
-TILE_PX = 240
-CAMERA = ("fx", "fy", "cx", "cy", "width", "height")
 
 
 def shows(labels: np.ndarray, label: int, camera: Camera, joints_m: np.ndarray) -> np.ndarray:

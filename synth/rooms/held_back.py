@@ -57,20 +57,17 @@ def stepladder(rng: np.random.Generator) -> Mesh:
 
 
 def easel(rng: np.random.Generator) -> Mesh:
-    """A canvas on three legs."""
     height, half, low = rng.uniform(1.3, 1.8), rng.uniform(0.2, 0.45), rng.uniform(0.4, 0.7)
     legs = [leaning(0.015, np.array([x, y, 0]), np.array([0, 0, height])) for x, y in ((-0.35, 0), (0.35, 0), (0, 0.5))]
     return joined([*legs, boxes([((0, -0.05, (low + height) / 2), (half, 0.015, (height - low) / 2))])])
 
 
 def bar_table(rng: np.random.Generator) -> Mesh:
-    """A round top on a column."""
     height = rng.uniform(0.7, 1.15)
     return joined([pole(0.035, 0, height), pole(0.22, 0, 0.03), pole(rng.uniform(0.25, 0.4), height - 0.03, height)])
 
 
 def parasol(rng: np.random.Generator) -> Mesh:
-    """A parasol, open or closed."""
     height, is_open = rng.uniform(1.9, 2.4), rng.random() < 0.5
     width, long = (rng.uniform(0.6, 1.0), 0.2) if is_open else (0.12, 0.55)
     return joined(
@@ -79,14 +76,12 @@ def parasol(rng: np.random.Generator) -> Mesh:
 
 
 def trolley_case(rng: np.random.Generator) -> Mesh:
-    """A suitcase on end with its handle out."""
     w, d, h = rng.uniform(0.18, 0.26), rng.uniform(0.1, 0.16), rng.uniform(0.25, 0.38)
     handle = [((side * 0.5 * w, 0, 2 * h + 0.15), (0.012, 0.012, 0.2)) for side in (-1, 1)]
     return boxes([((0, 0, h + 0.04), (w, d, h)), *handle, ((0, 0, 2 * h + 0.35), (0.5 * w, 0.015, 0.015))])
 
 
 def drum_kit(rng: np.random.Generator) -> Mesh:
-    """Drums and cymbals about an empty stool."""
     drums = [(0.0, -0.3, 0.25, 0.0, 0.5), (-0.35, -0.1, 0.18, 0.4, 0.6), (0.4, 0.0, 0.2, 0.25, 0.6), (0.0, 0.4, 0.17, 0.0, 0.5)]
     parts = [pole(radius * rng.uniform(0.9, 1.1), low, high, x, y) for x, y, radius, low, high in drums]
     for x, y in ((-0.6, -0.3), (0.6, -0.35)):
@@ -120,12 +115,10 @@ def vaulting_box(rng: np.random.Generator) -> Mesh:
 
 
 def planter(rng: np.random.Generator) -> Mesh:
-    """A box of plants."""
     half, high = rng.uniform(0.4, 0.8), rng.uniform(0.2, 0.3)
     places = np.arange(-half + 0.1, half, 0.25).tolist()
     bushes = [stretched(ball(0.2), (1, 0.8, rng.uniform(0.8, 2.0)), (x, 0, 2 * high + 0.15)) for x in places]
     return joined([boxes([((0, 0, high), (half, 0.18, high))]), *bushes])
 
 
-BARRIERS: tuple[Clutter, ...] = (bar_counter, tennis_table, vaulting_box, planter)
-"""What people stand behind."""
+BARRIERS: tuple[Clutter, ...] = (bar_counter, tennis_table, vaulting_box, planter)  # what people stand behind

@@ -5,7 +5,7 @@ surfaces that return noise.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, NamedTuple
@@ -103,12 +103,9 @@ class SceneShards(SetGenerator):
     """Makes files of single scenes; a file is a pure function of the seed, the split and its number."""
 
     part: ClassVar[str] = "shard"
-    per_shard: ClassVar[int] = 500
-    """Scenes in a file."""
-
+    per_shard: ClassVar[int] = 500  # scenes in a file
     composed_only = "people are in poses of all kinds; leave motion out"
-    most_px: ClassVar[tuple[int, int]]
-    """Most width and height of an image."""
+    most_px: ClassVar[tuple[int, int]]  # most width and height of an image
 
     @cached_property
     def scenes(self) -> RoomScenes:
@@ -131,8 +128,6 @@ class SceneShards(SetGenerator):
 
 @dataclass(frozen=True)
 class RoomImagesSet(SceneShards):
-    """Makes the files of `room_images`."""
-
     finished_files: ClassVar[str] = FILES
     unfinished_files: ClassVar[str] = ".images_*"
     camera: ClassVar[Camera] = Camera.centred(100, *CANVAS)  # each image has its own
@@ -163,7 +158,7 @@ class RoomImagesSet(SceneShards):
             camera, people = clear.camera, len(clear.joints_camera_m)
             arrays["depth_mm"][row, : camera.height, : camera.width] = measured.depth_mm
             arrays["labels"][row, : camera.height, : camera.width] = measured.labels
-            arrays["cameras"][row] = camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height
+            arrays["cameras"][row] = astuple(camera)
             arrays["joints_m"][row, :people], arrays["whole_px"][row, :people] = clear.joints_camera_m, clear.whole_px
         with atomic_hdf5(self.path(folder, index)) as file:
             file.attrs["format"], file.attrs["version"], file.attrs["simulated"] = FORMAT, VERSION, True

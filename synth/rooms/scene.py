@@ -22,13 +22,12 @@ from synth.rooms.clutter import CLUTTER, Clutter
 from synth.samples.placing import Body
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.mesh import Mesh, about_z, boxes
-from synth.scene.props import held_by, is_sitting, seat_under
+from synth.scene.props import held_by, is_sitting, platform_under, seat_under
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import View, looking, overlaps_boxes
 
 MOST_PEOPLE = 6
-SHARES_OF_COUNTS = (0.12, 0.36, 0.24, 0.13, 0.08, 0.04, 0.03)
-"""How many scenes show none, one, ..., six people."""
+SHARES_OF_COUNTS = (0.12, 0.36, 0.24, 0.13, 0.08, 0.04, 0.03)  # how many scenes show none, one, ..., six people
 
 FORMATS = ((4, 3), (4, 3), (4, 3), (16, 9), (1, 1), (10, 9), (6, 5), (3, 4), (9, 11))
 """Width and height of images, in any unit."""
@@ -40,13 +39,10 @@ FRAMED, FRAMED_DISTANCE_M, FRAMED_MARGIN, CUT_MARGIN = 0.5, (1.6, 5.5), 0.2, -0.
 """In this share of the scenes people stand at such a distance, and their middle lies this share of the image from its border,
 as before a camera that somebody set up; in the others they may be anywhere, half outside the image."""
 
-NEAREST_M = 0.35
-"""Least distance from the camera to anything that is drawn."""
-
+NEAREST_M = 0.35  # least distance from the camera to anything that is drawn
 PLACE_TRIES, CLUTTER_TRIES = 12, 3
 MOST_CLUTTER = 8
-CLOSE, CLOSE_M = 0.45, (0.2, 0.8)
-"""Share of the people who stand close to another one, and their distance."""
+CLOSE, CLOSE_M = 0.45, (0.2, 0.8)  # share of the people who stand close to another one, and their distance
 
 MOST_SHARED = 0.02
 """People are apart if at most this share of a body's surface lies in a cell of CELL_M that another's has too."""
@@ -56,8 +52,7 @@ LOW_M, RAISED, RAISED_M = 0.9, 0.3, (0.1, 0.6)
 """Of the people whose highest point is lower, this share lies or sits on a bed or a stage of such a height."""
 
 SEATED, HOLDS = 0.6, 0.08
-OUTDOORS, ALONE = 0.15, 0.08
-"""Shares of the scenes without walls, and of those that show nothing but people."""
+OUTDOORS, ALONE = 0.15, 0.08  # shares of the scenes without walls, and of those that show nothing but people
 
 LOST = {"floor": 0.15, "back": 0.12, "left": 0.08, "right": 0.08, "ceiling": 0.3}
 """Share of the scenes in which a surface returns nothing, because it is dark, shines, is made of glass or is too far away."""
@@ -138,7 +133,8 @@ class RoomScenes(Sampler):
             pixels.append(whole_px(scene, Mesh(self.renderer.vertices_world_m(), scene.skin.faces)))
             things_m = []
             if raised_m and not alone:
-                things_m.append(draw_mesh_m(scene, _stage(own, body, place_m, raised_m)))
+                low_m, high_m = body.low_m[:2] + place_m[:2], body.high_m[:2] + place_m[:2]
+                things_m.append(draw_mesh_m(scene, platform_under(own, low_m, high_m, raised_m)))
             elif is_sitting(joints_world_m) and own.random() < SEATED:
                 seat = seat_under(own, joints_world_m, body.vertices_m + place_m, scene.facing_world())
                 if seat is not None:
@@ -182,7 +178,8 @@ class RoomScenes(Sampler):
                 y_m = rng.uniform(*DISTANCE_M)
                 place_m = np.array([rng.uniform(-1, 1) * (0.5 + 0.9 * y_m), y_m, 0.0])
                 centre, half = place_m + (low + high_m) / 2, (high_m - low) / 2
-                if _outside(centre, walls) or _gap_m(view.position_m, centre, half) < NEAREST_M:
+                to_camera_m = np.linalg.norm(np.maximum(np.abs(view.position_m - centre) - half, 0))
+                if _outside(centre, walls) or to_camera_m < NEAREST_M:
                     continue
                 meshes.append(thing.moved(np.eye(3), place_m))
                 centres_m.append(centre)
@@ -268,19 +265,6 @@ def _outside(point_m: np.ndarray, walls: tuple[float, float, float, float] | Non
     left, right, far, turn = walls
     x, y, _ = about_z(-turn) @ point_m
     return not (left + 0.25 < x < right - 0.25 and y < far - 0.25)
-
-
-def _gap_m(point_m: np.ndarray, centre_m: np.ndarray, half_m: np.ndarray) -> float:
-    """Distance of a point from a box."""
-    return float(np.linalg.norm(np.maximum(np.abs(point_m - centre_m) - half_m, 0)))
-
-
-def _stage(rng: np.random.Generator, body: Body, place_m: np.ndarray, height_m: float) -> Mesh:
-    """A bed, a mat or a stage beneath a low person."""
-    low, high = body.low_m[:2] + place_m[:2], body.high_m[:2] + place_m[:2]
-    margin = rng.uniform(0.0, 0.4, 2)
-    centre, half = (low + high) / 2, (high - low) / 2 + margin
-    return boxes([((*centre, height_m / 2 - 0.01), (*half, height_m / 2 - 0.01))])
 
 
 def _cells(body: Body, place_m: np.ndarray) -> np.ndarray:

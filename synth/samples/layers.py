@@ -33,8 +33,6 @@ class Around(NamedTuple):
 
 
 class Composed(NamedTuple):
-    """The stored image of a person."""
-
     depth_mm: np.ndarray  # (H, W) uint16 depth of what is segmented as the person, millimetres
     own_mm: np.ndarray  # (H, W) uint16 depth of the visible person alone
     box: Box  # x0, y0, x1, y1 of the pixels of depth_mm
@@ -91,15 +89,10 @@ def _nearest(one_mm: np.ndarray, other_mm: np.ndarray) -> np.ndarray:
     return np.where((one_mm == 0) | ((other_mm > 0) & (other_mm < one_mm)), other_mm, one_mm)
 
 
-@njit(cache=True)
-def _visible_mm(person_m, room_mm):
+def _visible_mm(person_m: np.ndarray, room_mm: np.ndarray) -> np.ndarray:
     """(H, W) uint16 depth of the person in millimetres, 0 where something nearer hides them."""
-    visible = np.empty_like(room_mm)
-    for y in range(person_m.shape[0]):
-        for x in range(person_m.shape[1]):
-            mm = np.uint16(np.rint(person_m[y, x] * np.float32(MM_PER_METRE)))
-            visible[y, x] = np.uint16(0) if 0 < room_mm[y, x] < mm else mm
-    return visible
+    person_mm = millimetres(person_m)
+    return np.where((room_mm > 0) & (room_mm < person_mm), np.uint16(0), person_mm)
 
 
 @njit(cache=True)

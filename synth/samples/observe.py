@@ -162,7 +162,9 @@ def observe_sample(
     cropped = camera.cropped(x0, y0, x1 - x0, y1 - y0)
 
     person_mm = sample.depth_mm[y0:y1, x0:x1]
-    scene_m, labels = _compose(person_mm, room.depth_mm[y0:y1, x0:x1])
+    room_mm = room.depth_mm[y0:y1, x0:x1]
+    labels = ((person_mm > 0) & ((room_mm == 0) | (person_mm <= room_mm))).astype(np.uint8) * np.uint8(PERSON)
+    scene_m = np.where(labels, person_mm, room_mm).astype(np.float32) / np.float32(MM_PER_METRE)
     if attaches:
         radius_m = ATTACHED_RADIUS_M[0] + size * (ATTACHED_RADIUS_M[1] - ATTACHED_RADIUS_M[0])
         _attach(scene_m, labels, cropped, radius_m, at_lowest=kind < 0.5, where=where)
@@ -198,11 +200,7 @@ def _surroundings(sample: Sample, camera: Camera, with_attached: bool) -> Box:
 
 
 def freeze(
-    sample: Sample,
-    room: Background,
-    camera: Camera,
-    look: FreezeConfig,
-    rng: np.random.Generator,
+    sample: Sample, room: Background, camera: Camera, look: FreezeConfig, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """The result of `observe_sample`, pasted into the full image, (H, W) uint16 depth in millimetres, and its ridge, (H, W)
     uint8 probability times 255.
@@ -230,24 +228,6 @@ def as_stored(sample: Sample, camera: Camera) -> Observation:
     )
 
 
-@njit(cache=True)
-def _compose(person_mm, room_mm):
-    """The nearer of person and room as float32 metres, and labels (h, w) uint8, PERSON where the person is nearer."""
-    height, width = person_mm.shape
-    scene = np.empty((height, width), np.float32)
-    labels = np.zeros((height, width), np.uint8)
-    per_metre = np.float32(MM_PER_METRE)
-    for y in range(height):
-        for x in range(width):
-            z = person_mm[y, x]
-            behind = room_mm[y, x]
-            if z > 0 and (behind == 0 or z <= behind):
-                labels[y, x] = PERSON
-                behind = z
-            scene[y, x] = np.float32(behind) / per_metre
-    return scene, labels
-
-
 def _attach(scene_m: np.ndarray, labels: np.ndarray, camera: Camera, radius_m: float, at_lowest: bool, where: float) -> None:
     """Labels the room within radius_m of one pixel of the person as ATTACHED, in place. No effect without a person."""
     rows, columns = labels.nonzero()
@@ -259,24 +239,18 @@ def _attach(scene_m: np.ndarray, labels: np.ndarray, camera: Camera, radius_m: f
     labels[(away < radius_m) & (labels == 0) & (scene_m > 0)] = ATTACHED
 
 
-@njit(cache=True)
-def _erase_hair(depth, intrinsics, head, neck, above_m):
-    """Sets depth (h, w) to 0, in place, where it lies more than above_m beyond the head joint, seen from the neck."""
-    along_reach, across_reach = HAIR_REACH_M
-    fx, fy, cx, cy = intrinsics
-    axis = head - neck
+def _erase_hair(depth_m: np.ndarray, intrinsics: np.ndarray, head_m: np.ndarray, neck_m: np.ndarray, above_m: float) -> None:
+    """Sets (h, w) depth to 0, in place, where it lies more than above_m beyond the head joint, seen from the neck."""
+    (along_reach_m, across_reach_m), (fx, fy, cx, cy) = HAIR_REACH_M, intrinsics
+    y, x = np.indices(depth_m.shape)
+    axis = head_m - neck_m
     axis = axis / np.sqrt((axis * axis).sum())
+    off_x, off_y, off_z = (x - cx) * depth_m / fx - head_m[0], (y - cy) * depth_m / fy - head_m[1], depth_m - head_m[2]
+    along = off_x * axis[0] + off_y * axis[1] + off_z * axis[2]
+    across = off_x * off_x + off_y * off_y + off_z * off_z - along * along
     # A missing joint is NaN: no comparison holds, and nothing is erased.
-    for y in range(depth.shape[0]):
-        for x in range(depth.shape[1]):
-            z = depth[y, x]
-            if z == 0 or not abs(z - head[2]) < along_reach:
-                continue
-            off_x, off_y, off_z = (x - cx) * z / fx - head[0], (y - cy) * z / fy - head[1], z - head[2]
-            along = off_x * axis[0] + off_y * axis[1] + off_z * axis[2]
-            across = off_x * off_x + off_y * off_y + off_z * off_z - along * along
-            if above_m < along < along_reach and across < across_reach * across_reach:
-                depth[y, x] = 0
+    hair = (np.abs(off_z) < along_reach_m) & (above_m < along) & (along < along_reach_m)
+    depth_m[hair & (across < across_reach_m * across_reach_m)] = 0
 
 
 @njit(cache=True)

@@ -77,11 +77,13 @@ class Body(NamedTuple):
 
 
 class Site(NamedTuple):
-    """What a person is placed in: the room, the camera's pose and the camera."""
+    """What a person is placed in."""
 
     room: Room
     view: View
     camera: Camera
+    depth_mm: np.ndarray  # (H, W) uint16 depth of the empty room, millimetres
+    floor: np.ndarray  # (4,) float32 floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0
 
 
 def draw_place(rng: np.random.Generator, config: StageConfig, body: Body, site: Site, cut: bool) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.shards import Sample
 from kpopnet.errors import InputError, check_between
-from kpopnet.rotations import multiply
+from kpopnet.rotations import about, multiply
 from kpopnet.skeleton import Joint
 from synth.body.asset import BodyAsset
 from synth.body.shape import BodyConfig, Person, draw_person
@@ -34,14 +34,9 @@ MAX_SIDE_PX = 4096  # of a camera's image
 _STREAMS = ("sample", "body", "room", "props")
 """What is drawn from a generator of its own, by number. The order is part of every sample."""
 
-OTHER_PEOPLE = 1000
-"""The second person of a sample is one of the split's next people, up to this many numbers on."""
-
-ATTACHED_M = (0.03, 0.12)
-"""Range of the distance within which a seat or another person is segmented as the person."""
-
-MAX_HIDDEN = 0.5
-"""Largest fraction of a person's pixels that another person may hide."""
+OTHER_PEOPLE = 1000  # the second person of a sample is one of the split's next people, up to this many numbers on
+ATTACHED_M = (0.03, 0.12)  # range of the distance within which a seat or another person is segmented as the person
+MAX_HIDDEN = 0.5  # largest fraction of a person's pixels that another person may hide
 
 FINGER_FLEXION = {"FingerBase": 0.2, "HandFinger1": 1.4}
 """Bones of the fingers, and by how much of the drawn angle each flexes: FingerBase lies in the palm, which hardly bends."""
@@ -108,8 +103,6 @@ class SampleConfig:
 
 
 class RenderedSample(NamedTuple):
-    """A clean sample and the statistics of its rejection sampling."""
-
     sample: Sample  # as it is stored, except that `room` is the room's number in the whole set
     rejected: int  # number of poses drawn before this one
     refused_places: int  # number of places drawn before this one
@@ -117,14 +110,6 @@ class RenderedSample(NamedTuple):
     # best one is taken.
     forced: bool
     props: tuple[str, ...]  # names of what is drawn around the person or in their hands
-
-
-class RenderedRoom(NamedTuple):
-    """A rendered empty room."""
-
-    depth_mm: np.ndarray  # (H, W) uint16 depth, millimetres
-    floor: np.ndarray  # (4,) float32 floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0
-    site: Site  # the boxes, the camera's pose and the camera
 
 
 class _Pose(NamedTuple):
@@ -147,7 +132,7 @@ class _Placed(NamedTuple):
     pose: _Pose
     body: Body
     place_m: np.ndarray
-    room: RenderedRoom
+    room: Site
 
 
 class Sampler:
@@ -160,8 +145,8 @@ class Sampler:
         self.scene = Scene(config.camera.build())
         self.renderer = make_renderer(config.renderer, self.scene)
         self._seed = (seed, SPLITS.index(split))
-        self._fitted = lru_cache(BLOCK)(lambda number: self.scene.fit(self.person(number)))
-        self._room: tuple[int, RenderedRoom] | None = None
+        self._known_person = lru_cache(BLOCK)(self.person)
+        self._room: tuple[int, Site] | None = None
 
     def close(self) -> None:
         self.renderer.close()
@@ -172,18 +157,17 @@ class Sampler:
     def person(self, number: int) -> Person:
         return draw_person(self._rng("body", number), self.config.body, self.split)
 
-    def room(self, index: int) -> RenderedRoom:
+    def room(self, index: int) -> Site:
         if self._room is None or self._room[0] != index:
             rng = self._rng("room", index)
             view, room = draw_view(rng, self.config.view), draw_room(rng, LIVING_ROOM)
             self.scene.set_view(view)
             self.scene.set_room(room)
             depth_mm, floor = millimetres(self.renderer.room_m()), view.floor().astype(np.float32)
-            self._room = index, RenderedRoom(depth_mm, floor, Site(room, view, self.scene.camera))
+            self._room = index, Site(room, view, self.scene.camera, depth_mm, floor)
         return self._room[1]
 
     def room_of(self, index: int) -> int:
-        """Number of the room of sample `index`."""
         return index // self.config.samples_per_room
 
     def samples(self, start: int, stop: int) -> Iterator[RenderedSample]:
@@ -205,7 +189,7 @@ class Sampler:
             lifts_m = np.maximum(height_above_floor(poses.quats, poses.root_m), 0) / poses.leg_m
             rejected = []
             for j, k in enumerate(pending):
-                self._set_person(numbers[k])
+                scene.set_person(self._known_person(numbers[k]))
                 local = self._body_rotations(generators[k], poses.quats[j])
                 scene.pose(local, np.zeros(3))
                 penetration_m = scene.penetration_m()
@@ -227,14 +211,8 @@ class Sampler:
         yaw = rng.uniform(-np.pi, np.pi) if rng.random() < config.turned else np.radians(config.turn_deg) * rng.normal()
         return body_rotations(self.scene.asset, quats, yaw, rng.uniform(0.0, 1.5, 2))
 
-    def _set_person(self, number: int) -> None:
-        fitted = self._fitted(number)
-        if self.scene.person is not fitted.person:
-            self.scene.set_person(fitted)
-
     def _posed_body(self, pose: _Pose) -> Body:
-        """The person in the pose, with the hips at the world's origin."""
-        self._set_person(pose.number)
+        self.scene.set_person(self._known_person(pose.number))
         self.scene.pose(pose.local, np.zeros(3))
         vertices_m = self.renderer.vertices_world_m().copy()
         torso_m = self.scene.joints_world_m()[Joint.TORSO]
@@ -247,8 +225,8 @@ class Sampler:
         cut = rng.random() < config.cut
         best, least = None, SOUND
         for refused in range(config.place_tries):
-            placed = _Placed(index, pose, body, draw_place(rng, config, body, room.site, cut), room)
-            fault = faults(body, placed.place_m, room.site, cut)
+            placed = _Placed(index, pose, body, draw_place(rng, config, body, room, cut), room)
+            fault = faults(body, placed.place_m, room, cut)
             if fault == SOUND:
                 rendered = self._render(placed, refused, forced=False)
                 if np.count_nonzero(rendered.sample.depth_mm) >= config.least_pixels:
@@ -259,7 +237,6 @@ class Sampler:
         return self._render(best, config.place_tries, forced=least > MISFRAMED)
 
     def _render(self, placed: _Placed, refused_places: int, forced: bool) -> RenderedSample:
-        """Renders a placed person and what is around them."""
         scene, camera, pose, room = self.scene, self.scene.camera, placed.pose, placed.room
         scene.pose(pose.local, placed.place_m)
         person_m = self.renderer.person_m()
@@ -313,7 +290,7 @@ class Sampler:
         (pose,) = self._draw_poses([own.number + int(rng.integers(1, OTHER_PEOPLE))], [rng])
         other, drawn_m = self._posed_body(pose), None
         for _ in range(self.config.stage.place_tries):
-            place_m = draw_place_beside(rng, placed.body, placed.place_m, other, room.site)
+            place_m = draw_place_beside(rng, placed.body, placed.place_m, other, room)
             if place_m is None:
                 continue
             scene.pose(pose.local, place_m)
@@ -321,7 +298,7 @@ class Sampler:
             if hidden_fraction(person_m, other_m, room.depth_mm) <= MAX_HIDDEN:
                 drawn_m = other_m
                 break
-        self._set_person(own.number)
+        scene.set_person(self._known_person(own.number))
         scene.pose(own.local, placed.place_m)
         return drawn_m
 
@@ -336,7 +313,7 @@ def body_rotations(asset: BodyAsset, quats: np.ndarray, yaw_rad: float, curls_ra
     local[..., 0] = 1
     # In motions y is up and z is the front; in the world z is up and -y is the front: (x, y, z) -> (x, -z, y).
     local[..., [asset.bone(name) for name in MOTION_BONES], :] = quats[..., (0, 1, 3, 2)] * (1, 1, -1, 1)
-    local[..., 0, :] = multiply(np.array([np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)]), local[..., 0, :])
+    local[..., 0, :] = multiply(about(2, yaw_rad), local[..., 0, :])
     for (side, sign), curl in zip((("Left", 1.0), ("Right", -1.0)), curls_rad, strict=True):
         for finger, share in FINGER_FLEXION.items():
             # In the T-pose the palms face down, so the fingers flex about the y axis.

@@ -26,7 +26,8 @@ from synth.body.asset import ASSET
 from synth.resumable import make_missing
 from synth.samples.layers import silhouette_box
 from synth.samples.observe import Background, FreezeConfig, freeze
-from synth.samples.sampler import BLOCK, RenderedRoom, SampleConfig, Sampler
+from synth.samples.placing import Site
+from synth.samples.sampler import BLOCK, SampleConfig, Sampler
 
 GENERATOR = 2
 """Version of the generator. Increase it with every change after which the same configuration gives different samples."""
@@ -165,9 +166,9 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
     depth_mm = file.create_dataset("depth_mm", (count, *size), "u2", **image)
     ridge = file.create_dataset("ridge", (count, *size), "u1", **image) if config.freeze else None
     labels: dict[str, list] = {name: [] for name in COLUMNS}
-    rooms: dict[int, RenderedRoom] = {}
+    rooms: dict[int, Site] = {}
     totals = dict.fromkeys(TOTALS, 0)
-    images, ridges = [], []  # written in blocks: the cost of a write hardly depends on its size
+    images, ridges = [], []
     for row, rendered in enumerate(sampler.samples(start, stop)):
         room = rooms.setdefault(rendered.sample.room, sampler.room(rendered.sample.room))
         sample = dataclasses.replace(rendered.sample, room=rendered.sample.room - sampler.room_of(start))
@@ -175,7 +176,7 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
             sample, ridge_image = _frozen(sample, room, camera, config, start + row)
             ridges.append(ridge_image)
         images.append(sample.depth_mm)
-        if len(images) == BLOCK or row == count - 1:
+        if len(images) == BLOCK or row == count - 1:  # the cost of a write hardly depends on its size
             rows = slice(row + 1 - len(images), row + 1)
             depth_mm[rows] = np.stack(images)
             if config.freeze:
@@ -207,13 +208,13 @@ def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]
         "shard": shard,
         "start": start,
         "stop": stop,
-        "camera": [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
+        "camera": dataclasses.astuple(camera),
         "joint_names": list(JOINT_NAMES),
         "packages": json.dumps({name: importlib.metadata.version(name) for name in PACKAGES}),
     }
 
 
-def _frozen(sample: Sample, room: RenderedRoom, camera: Camera, config: SetConfig, index: int) -> tuple[Sample, np.ndarray]:
+def _frozen(sample: Sample, room: Site, camera: Camera, config: SetConfig, index: int) -> tuple[Sample, np.ndarray]:
     """The sample with its measured and segmented depth, and its ridge image (H, W) uint8."""
     rng = np.random.default_rng([config.seed, *config.split.encode(), index])
     depth_mm, ridge = freeze(sample, Background(room.depth_mm, room.floor), camera, config.freeze, rng)

@@ -5,22 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-SIDES = 12
-"""Corners of a circle in the meshes of balls and rods."""
-
+SIDES = 12  # corners of a circle in the meshes of balls and rods
 BOX_CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 _BOX_SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 BOX_FACES = np.array([face for a, b, c, d in _BOX_SIDES for face in ((a, b, c), (a, c, d))], np.int32)
 """(12, 3) triangles of the box with corners BOX_CORNERS, counter-clockwise seen from outside."""
 
 Triple = tuple[float, float, float]
-Box = tuple[Triple, Triple]
-"""Centre and half sizes in metres, along the axes of its own frame."""
+Box = tuple[Triple, Triple]  # centre and half sizes in metres, along the axes of its own frame
 
 
 class Mesh(NamedTuple):
-    """A triangle mesh."""
-
     vertices_m: np.ndarray  # (V, 3) float64, metres
     faces: np.ndarray  # (F, 3) int32, counter-clockwise seen from outside
 
@@ -36,7 +31,6 @@ def about_z(angle_rad: float) -> np.ndarray:
 
 
 def joined(meshes: Iterable[Mesh]) -> Mesh:
-    """All meshes as one."""
     meshes = list(meshes)
     starts = np.cumsum([0] + [len(mesh.vertices_m) for mesh in meshes[:-1]])
     faces = [mesh.faces + np.int32(start) for mesh, start in zip(meshes, starts, strict=True)]
@@ -44,7 +38,6 @@ def joined(meshes: Iterable[Mesh]) -> Mesh:
 
 
 def boxes(parts: Iterable[Box]) -> Mesh:
-    """Boxes as one mesh."""
     return joined(Mesh(BOX_CORNERS * half + centre, BOX_FACES) for centre, half in parts)
 
 

@@ -16,14 +16,9 @@ from kpopnet.skeleton import Joint
 from synth.scene.mesh import Box, Mesh, about_z, ball, boxes, joined, rod
 from synth.scene.room import four_legs, overlaps_boxes
 
-PALM_M = 0.02
-"""Distance of the palm's skin from the centre of the hand."""
-
-SEAT_GIVE_M = 0.03
-"""Depth to which seat and flesh give way to each other."""
-
-SEATED_HIPS_M = (0.25, 0.7)
-"""Height of the hips' joints above the floor at which a seat fits under them."""
+PALM_M = 0.02  # distance of the palm's skin from the centre of the hand
+SEAT_GIVE_M = 0.03  # depth to which seat and flesh give way to each other
+SEATED_HIPS_M = (0.25, 0.7)  # height of the hips' joints above the floor at which a seat fits under them
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,6 @@ class Prop(NamedTuple):
 
 
 def chair(rng: np.random.Generator, top_m: float) -> list[Box]:
-    """A chair with a back and four legs."""
     w, d, back = rng.uniform(0.2, 0.26), rng.uniform(0.18, 0.22), rng.uniform(0.2, 0.3)
     return [
         ((0, 0, top_m - 0.02), (w, d, 0.02)),
@@ -68,19 +62,16 @@ def chair(rng: np.random.Generator, top_m: float) -> list[Box]:
 
 
 def stool(rng: np.random.Generator, top_m: float) -> list[Box]:
-    """A stool with four legs."""
     w = rng.uniform(0.14, 0.2)
     return [((0, 0, top_m - 0.02), (w, w, 0.02)), *four_legs(w - 0.02, w - 0.02, top_m - 0.04, 0.02)]
 
 
 def crate(rng: np.random.Generator, top_m: float) -> list[Box]:
-    """A closed box."""
     w, d = rng.uniform(0.18, 0.3), rng.uniform(0.15, 0.2)
     return [((0, 0, top_m / 2), (w, d, top_m / 2))]
 
 
 def bench(rng: np.random.Generator, top_m: float) -> list[Box]:
-    """A long bench on two panels."""
     w, d = rng.uniform(0.5, 0.8), rng.uniform(0.14, 0.2)
     panels = [((s * (w - 0.1), 0, top_m / 2 - 0.02), (0.02, d, top_m / 2 - 0.02)) for s in (-1, 1)]
     return [((0, 0, top_m - 0.02), (w, d, 0.02)), *panels]
@@ -132,6 +123,13 @@ def seat_under(rng: np.random.Generator, joints_m: np.ndarray, skin_m: np.ndarra
     return None
 
 
+def platform_under(rng: np.random.Generator, low_m: np.ndarray, high_m: np.ndarray, height_m: float) -> Mesh:
+    """A bed, a mat or a stage of a height beneath a low person, from the corners (2,) x and y of what they cover, metres."""
+    centre, half = (low_m + high_m) / 2, (high_m - low_m) / 2 + rng.uniform(0.0, 0.4, 2)
+    half_z = height_m / 2 - 0.01
+    return boxes([((*centre, half_z), (*half, half_z))])
+
+
 def _to_back(skin_m: np.ndarray, centre: np.ndarray, half: np.ndarray) -> float:
     """How far backwards a chair moves, metres, so that its back, a box, touches the person's; the hips stay above the seat."""
     before = (np.abs(skin_m[:, [0, 2]] - centre[[0, 2]]) < half[[0, 2]] + 0.02).all(axis=1)
@@ -153,13 +151,11 @@ def stick(rng: np.random.Generator) -> Mesh:
 
 
 def book(rng: np.random.Generator) -> Mesh:
-    """A closed book against the palm."""
     thick_m = rng.uniform(0.006, 0.025)
     return boxes([((0.05, 0, -PALM_M - thick_m), (rng.uniform(0.1, 0.16), rng.uniform(0.07, 0.11), thick_m))])
 
 
 def phone(rng: np.random.Generator) -> Mesh:
-    """A telephone against the palm."""
     return boxes([((0.01, 0, -PALM_M - 0.005), (rng.uniform(0.065, 0.085), rng.uniform(0.033, 0.042), 0.005))])
 
 
@@ -177,8 +173,7 @@ def bag(rng: np.random.Generator) -> Mesh:
 
 
 IN_PALM = (toy_ball, stick, book, phone, cup)
-HANGING = (bag,)
-"""Held objects whose frame stays upright, turned with the hand about the vertical."""
+HANGING = (bag,)  # held objects whose frame stays upright, turned with the hand about the vertical
 
 
 def held_by(rng: np.random.Generator, hand_m: np.ndarray, rotation: np.ndarray, left: bool) -> Prop:

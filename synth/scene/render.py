@@ -22,8 +22,7 @@ from synth.scene.scene import FAR_M, NEAR_M, ROOM_GROUP, Scene
 log = logging.getLogger(__name__)
 
 RENDERERS = ("auto", "gl", "cpu")
-MOST_BEYOND = 2
-"""`whole_px` counts pixels up to this many times the image's width and height beyond its borders."""
+MOST_BEYOND = 2  # `whole_px` counts pixels up to this many times the image's width and height beyond its borders
 
 EDGE_TOLERANCE = 1e-9
 """Slack of the barycentric inside test. A pixel centre on the common edge of two triangles belongs to one of them."""

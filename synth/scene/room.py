@@ -15,8 +15,7 @@ from synth.scene.mesh import Box
 MAX_BOXES = 24
 WALL_HALF_THICKNESS_M = 0.1
 AIM_DISTANCE_M = 2.7
-DEPTH_M = (3.6, 7.2)
-"""Range of the back wall's distance from the camera: people stand up to 5 m away."""
+DEPTH_M = (3.6, 7.2)  # range of the back wall's distance from the camera: people stand up to 5 m away
 
 
 @dataclass(frozen=True)
@@ -41,8 +40,6 @@ class ViewConfig:
 
 @dataclass(frozen=True)
 class View:
-    """A camera pose."""
-
     position_m: np.ndarray  # (3,) position in the world, metres
     rotation: np.ndarray  # (3, 3) rotation from the camera frame (x right, y down, z forward) to the world frame
 

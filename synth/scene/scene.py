@@ -6,14 +6,15 @@ writing the arrays of a person a twentieth of a millisecond. Both renderers read
 World frame: z up, the camera above the origin looking along +y, the floor at z = 0.
 """
 
-from typing import NamedTuple
+from functools import lru_cache
 
 import mujoco
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.rotations import about
 from synth.body.asset import BodyAsset, load_body
-from synth.body.capsules import Capsules
+from synth.body.capsules import BONES, fit_capsules, may_touch
 from synth.body.outfit import Skin, load_skin
 from synth.body.shape import Person
 from synth.scene.room import MAX_BOXES, Room, View
@@ -22,17 +23,8 @@ SKIN_GROUP, ROOM_GROUP, CAPSULE_GROUP = 0, 1, 3  # MuJoCo renders groups 0-2 by 
 NEAR_M = 0.1
 FAR_M = 30.0
 UNUSED_BOX_Z_M = -100.0  # boxes that a room does not use are placed far below the floor
-
-
-class FittedPerson(NamedTuple):
-    """The values of the model's arrays for one person with B bones and C capsules (see `Scene.fit`)."""
-
-    person: Person  # the person
-    body_pos: np.ndarray  # (B - 1, 3) offset of each bone but the root from its parent, metres
-    bind_quat: np.ndarray  # (B, 4) bind rotations of the skin
-    capsule_size: np.ndarray  # (C, 2) radius and half length, metres
-    capsule_pos: np.ndarray  # (C, 3) centre in the bone's frame, metres
-    capsule_quat: np.ndarray  # (C, 4) orientation in the bone's frame
+FITTED_PEOPLE = 64
+"""People whose values for the model are kept: to compute them takes longer than to pose and draw the person."""
 
 
 class Scene:
@@ -42,46 +34,44 @@ class Scene:
         self.asset = load_body()
         self.skin = load_skin()
         self.camera = camera
-        self._capsules = Capsules(self.asset)
-        self.model = _compile(self.asset, self.skin, camera, self._capsules)
+        self.model = _compile(self.asset, self.skin, camera)
         self.data = mujoco.MjData(self.model)
         self.person: Person | None = None
         self.view: View | None = None
+        self._fit = lru_cache(FITTED_PEOPLE)(self._fitted)
         model = self.model
         self._bodies = np.array([model.body(name).id for name in self.asset.bone_names])
         self._quat_address = np.array([model.jnt_qposadr[model.body(name).jntadr[0]] for name in self.asset.bone_names])
         self._quat_address[0] += 3  # a free joint stores its position first
-        self._capsule_geoms = np.array([model.geom(f"capsule_{bone}").id for bone in self._capsules.bones])
+        self._capsule_geoms = np.array([model.geom(f"capsule_{bone}").id for bone in BONES])
         self._box_geoms = np.array([model.geom(f"box_{k}").id for k in range(MAX_BOXES)])
         self._may_touch = np.zeros((model.ngeom, model.ngeom), bool)
-        self._may_touch[np.ix_(self._capsule_geoms, self._capsule_geoms)] = self._capsules.may_touch(self.asset)
+        self._may_touch[np.ix_(self._capsule_geoms, self._capsule_geoms)] = may_touch()
 
-    def fit(self, person: Person) -> FittedPerson:
-        """Computes the values of the model's arrays for a person."""
+    def _fitted(self, person: Person) -> tuple[np.ndarray, ...]:
+        """Of B bones (B - 1, 3) offsets from the parents and (B, 4) bind rotations; of C capsules (C, 2) radius and half
+        length, and (C, 3) centre and (C, 4) orientation in the bone's frame; metres.
+        """
         parents = self.asset.bone_parents[1:]
-        offsets = person.heads_m[1:] - person.heads_m[parents]
-        radius, half_length, centre, axis = self._capsules.fit(person)
-        return FittedPerson(
-            person=person,
-            body_pos=np.einsum("bij,bj->bi", person.t_pose[parents], offsets),
-            bind_quat=_quaternions(person.t_pose.transpose(0, 2, 1)),
-            capsule_size=np.stack([radius, half_length], axis=1),
-            capsule_pos=centre,
-            capsule_quat=_quaternions(axis),  # a MuJoCo capsule lies along its own z axis
-        )
+        offsets = np.einsum("bij,bj->bi", person.t_pose[parents], person.heads_m[1:] - person.heads_m[parents])
+        radius, half_length, centre, axis = fit_capsules(person)
+        # A MuJoCo capsule lies along its own z axis.
+        capsules = np.stack([radius, half_length], axis=1), centre, _quaternions(axis)
+        return offsets, _quaternions(person.t_pose.transpose(0, 2, 1)), *capsules
 
-    def set_person(self, fitted: FittedPerson) -> None:
-        """Writes the bones, skin and capsules of a person into the model."""
+    def set_person(self, person: Person) -> None:
+        """Writes the bones, skin and capsules of a person into the model, unless they are there already."""
+        if person is self.person:
+            return
         model, capsules = self.model, self._capsule_geoms
-        model.body_pos[self._bodies[1:]] = fitted.body_pos
-        model.skin_vert[:] = fitted.person.vertices_m
-        model.skin_bonebindpos[:] = fitted.person.heads_m
-        model.skin_bonebindquat[:] = fitted.bind_quat
-        model.geom_size[capsules, :2] = fitted.capsule_size
-        model.geom_pos[capsules] = fitted.capsule_pos
-        model.geom_quat[capsules] = fitted.capsule_quat
-        model.geom_rbound[capsules] = fitted.capsule_size.sum(1)
-        self.person = fitted.person
+        offsets, bind_quats, sizes, centres, quats = self._fit(person)
+        model.body_pos[self._bodies[1:]] = offsets
+        model.skin_vert[:] = person.vertices_m
+        model.skin_bonebindpos[:] = person.heads_m
+        model.skin_bonebindquat[:] = bind_quats
+        model.geom_size[capsules, :2], model.geom_rbound[capsules] = sizes, sizes.sum(1)
+        model.geom_pos[capsules], model.geom_quat[capsules] = centres, quats
+        self.person = person
 
     def pose(self, quats: np.ndarray, root_m: np.ndarray) -> None:
         """Poses the person: (B, 4) local rotations relative to the T-pose, hips at (3,) metres in the world."""
@@ -128,13 +118,12 @@ class Scene:
         used = self._box_geoms[: len(room.centres_m)]
         model.geom_pos[used] = room.centres_m
         model.geom_size[used] = room.halves_m
-        half_rad = room.yaws_rad / 2
-        model.geom_quat[used] = np.stack([np.cos(half_rad), 0 * half_rad, 0 * half_rad, np.sin(half_rad)], axis=1)
+        model.geom_quat[used] = about(2, room.yaws_rad)
         model.geom_rbound[used] = np.linalg.norm(room.halves_m, axis=1)
         mujoco.mj_kinematics(model, self.data)
 
 
-def _compile(asset: BodyAsset, worn: Skin, camera: Camera, capsules: Capsules) -> mujoco.MjModel:
+def _compile(asset: BodyAsset, worn: Skin, camera: Camera) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     # The bounding volumes of the mid-phase collision test are compiled in and would be wrong for another person.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
@@ -152,7 +141,7 @@ def _compile(asset: BodyAsset, worn: Skin, camera: Camera, capsules: Capsules) -
         # MuJoCo requires a mass of a moving body. The dynamics are never simulated.
         body.mass, body.inertia, body.explicitinertial = 1.0, [1.0, 1.0, 1.0], True
         bodies.append(body)
-    for bone in capsules.bones:
+    for bone in BONES:
         bodies[bone].add_geom(
             name=f"capsule_{bone}", type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=[0.1, 0.1, 0], group=CAPSULE_GROUP
         )

@@ -2,7 +2,7 @@
 
 Random numbers are hashes of a key and the pixel's number. The result of a pixel therefore does not depend on which other
 pixels are measured, or in what order. Arithmetic is float32: `np.float32` wraps every constant that would promote it to
-float64. `t` is the record of terms that `model._terms` makes, in metres and image pixels.
+float64. `t` is the record that `model._terms` makes.
 """
 
 import math
@@ -11,8 +11,7 @@ import numpy as np
 from numba import njit
 from scipy.special import ndtri
 
-EDGE_M = 0.1
-"""Neighbouring pixels that differ by more than this depth lie on two sides of an outline."""
+EDGE_M = 0.1  # neighbouring pixels that differ by more than this depth lie on two sides of an outline
 
 INT_OFFSET_PX = 1024
 """Added to a shift in pixels before int() so that int() rounds down; math.floor would cost more than the rest."""
@@ -219,14 +218,14 @@ def _film_steps(right, below, z, noise, film_key, t):
 def _axial_error(z, grazing, noise_z, noise_steps, ray_squared, t):
     """The depth after gain, axial noise, wiggle, and disparity noise and quantisation."""
     zero = np.float32(0)
-    beyond = z - t.axial_offset
-    sigma = t.axial_floor + t.axial_quadratic * beyond * beyond + t.axial_radial * ray_squared
+    beyond = z - t.axial_offset_m
+    sigma = t.axial_floor_m + t.axial_quadratic * beyond * beyond + t.axial_radial * ray_squared
     z = t.gain * z + (sigma + grazing) * noise_z
-    if t.wiggle > zero:
-        z += t.wiggle * np.float32(math.sin(t.wiggle_frequency * z))
+    if t.wiggle_m > zero:
+        z += t.wiggle_m * np.float32(math.sin(t.wiggle_frequency * z))
     if t.steps > zero:
         disparity = t.steps / z + t.step_noise * noise_steps
-        if t.rounded > zero:
+        if t.disparity_step_px > zero:
             disparity = np.float32(int(disparity + np.float32(0.5)))
         z = t.steps / disparity if disparity > zero else zero
     return z
@@ -288,7 +287,7 @@ def measure_pixels(depth, labels, keys, terms):
             if t.step_flicker < one:
                 noise_steps = _film_steps(x - math.floor(t.cx), y - math.floor(t.cy), z, noise_steps, keys[0], t)
             z = _axial_error(z, grazing, noise_z, noise_steps, ray_x * ray_x + ray_y * ray_y, t)
-            if t.min_range <= z <= t.max_range and z > zero:
+            if t.min_range_m <= z <= t.max_range and z > zero:
                 measured[y, x], seen[y, x] = z, label
     return measured, seen
 

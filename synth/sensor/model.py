@@ -26,12 +26,9 @@ from kpopnet.errors import InputError, check_one_of
 from synth.sensor.film_noise import FilmFrame
 from synth.sensor.kernel import erase_ellipses, measure_pixels
 
-ELLIPSE_PX = (2.5, 5.0)
-"""Range of the semi-axes of elliptic holes, native pixels."""
-
+ELLIPSE_PX = (2.5, 5.0)  # range of the semi-axes of elliptic holes, native pixels
 LIMB_HOLE_RADIUS_M = (0.02, 0.06)
-LIMB_HOLE_DEPTH_M = 0.15
-"""Largest difference in depth from the limb's end that a hole erases."""
+LIMB_HOLE_DEPTH_M = 0.15  # largest difference in depth from the limb's end that a hole erases
 
 _ANY_CAMERA = {
     "max_range_m": 8.0, "gain": 0.003, "pixel_dropout": 0.0002, "edge_dropout": 0.05, "ellipses_per_megapixel": 20.0,
@@ -207,21 +204,18 @@ def measure_labelled(
 
 
 def _terms(config: SensorConfig, camera: Camera, film: FilmFrame, single: bool) -> np.ndarray:
-    """(1,) record of the kernel's terms, in metres and image pixels; all noise of a single picture is its own."""
+    """(1,) record of the sensor's terms, and of those that the kernel has in image pixels, in steps or of the film.
+
+    All noise of a single picture is its own.
+    """
     scale = camera.fx / config.native_focal_px if config.native_focal_px else 0.0
     # The unit of disparity is the quantisation step, or a native pixel for noise without quantisation.
     unit = config.disparity_step_px or 1.0
     pattern_shift = abs(config.baseline_m) * config.native_focal_px  # disparity at 1 m, native pixels
     uses_disparity = config.disparity_step_px > 0 or config.disparity_noise_px > 0
-    terms = {
+    terms = _with_published(config) | {
         **{name: getattr(camera, name) for name in ("fx", "fy", "cx", "cy")},
-        "min_range": config.min_range_m,
         "max_range": config.max_range_m or math.inf,
-        "axial_floor": config.axial_floor_m,
-        "axial_quadratic": config.axial_quadratic,
-        "axial_offset": config.axial_offset_m,
-        "axial_grazing": config.axial_grazing,
-        "axial_radial": config.axial_radial,
         "lateral": config.lateral_px * scale,
         "lateral_grazing": config.lateral_grazing_px * scale,
         "grain": max(config.grain_px * scale, 1.0),
@@ -231,13 +225,9 @@ def _terms(config: SensorConfig, camera: Camera, film: FilmFrame, single: bool) 
         "steps": pattern_shift / unit if uses_disparity else 0.0,
         "step_noise": config.disparity_noise_px / unit,
         "step_flicker": 1.0 if single else config.disparity_flicker,
-        "rounded": config.disparity_step_px > 0,
-        "wiggle": config.wiggle_m,
         "wiggle_frequency": 2 * math.pi / config.wiggle_period_m if config.wiggle_period_m else 0.0,
-        "flying_pixels": config.flying_pixels,
         "gain": 1 + config.gain * film.gain,
         "pixel_dropout": config.pixel_dropout * film.dropout,
-        "edge_dropout": config.edge_dropout,
     }
     return np.array([tuple(terms.values())], [(name, np.float32) for name in terms])
 

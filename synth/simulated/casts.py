@@ -4,11 +4,10 @@ A part is one person's motion, played towards the camera but for a turn, from a 
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
-from synth.motion.choreography.pairs import draw_duet
+from synth.motion.choreography.pairs import Part, draw_duet
 from synth.motion.choreography.programmes import drill, held, show
 from synth.motion.limbs import SIDES, choose, drawn, stance, uniform
 from synth.motion.poses.families import squat, standing
@@ -25,17 +24,6 @@ CROWD_M, APART_M = (1.3, 0.9), 0.75
 
 DUET_FRAMES, CLOSEST_M = 300, 0.05
 """Length of a duet, of which a film shows the frames about the closest approach: those within 5 cm of the least distance."""
-
-
-class Part(NamedTuple):
-    """One person of a film."""
-
-    motion: Motion  # theirs
-    # (x, z) of the start from the middle of the stage: x to the right in the image, z towards the camera, metres
-    place_m: tuple[float, float] = (0.0, 0.0)
-    turn_rad: float = 0.0  # their turn to the left from facing the camera
-    raised_m: float = 0.0  # height of what they lie on
-    seated: bool = False  # whether they sit on a seat
 
 
 def _any_turn(rng: np.random.Generator) -> float:
@@ -93,15 +81,15 @@ def _crowd(rng: np.random.Generator, frames: int) -> list[Part]:
 
 def _duet(rng: np.random.Generator, kind: str, frames: int) -> list[Part]:
     """The frames of a duet about the closest approach: beside each other in the image, or for a hug in the room."""
-    roles = draw_duet(rng, kind, DUET_FRAMES, FPS)
-    way_m = np.array([role.motion.root_m[:, [0, 2]] + role.place_m for role in roles])
+    parts = draw_duet(rng, kind, DUET_FRAMES, FPS)
+    way_m = np.array([part.motion.root_m[:, [0, 2]] + part.place_m for part in parts])
     apart_m = np.abs(way_m[0] - way_m[1])
     apart_m = np.hypot(*apart_m.T) if kind == "hug" else apart_m[:, 0]
     closest = np.median(np.flatnonzero(apart_m < apart_m.min() + CLOSEST_M))
     start = int(np.clip(closest - uniform(rng, 0.3, 0.7) * frames, 0, DUET_FRAMES - frames))
     return [
-        Part(cut(role.motion, start, start + frames), (float(one[start, 0]), float(one[start, 1])))
-        for role, one in zip(roles, way_m, strict=True)
+        Part(cut(part.motion, start, start + frames), (float(one[start, 0]), float(one[start, 1])))
+        for part, one in zip(parts, way_m, strict=True)
     ]
 
 

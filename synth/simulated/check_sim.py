@@ -35,29 +35,18 @@ SENSOR_OF_CAMERA = {
 NEAREST_M, HALF_HEIGHT_M = 2.4, 1.38
 """Least distance of the place to stand from the camera, and least half of the height that the image shows there."""
 
-BESIDE_M = 0.65
-"""How far outside the image the person waits."""
+BESIDE_M = 0.65  # how far outside the image the person waits
 
 STAGE_M, SEAT_M = ((-3.4, 3.4), (2.0, 3.7)), ((-0.4, 0.4), (3.7, 4.4))
 """Ranges of x and y that walls and furniture leave free: where people walk, and where their seat is; metres."""
 
-LEAST_BOXES, ROOM_TRIES = 4, 20000
-"""Of furniture in a room; rooms tried."""
-
+LEAST_BOXES, ROOM_TRIES = 4, 20000  # of furniture in a room; rooms tried
 VIEW = ViewConfig(height_m=(0.9, 1.3), aim_m=(0.95, 1.1), roll_deg=1.0)
-SWAY_DEG = 0.2
-"""Amplitude of the sway of somebody who stands still."""
-
-BPM = 120.0
-"""Two steps a second, a usual cadence of walking."""
-
-STEP_BACK_M = 0.35
-"""How far the feet of the sitting person are behind the place where they stood."""
-
+SWAY_DEG = 0.2  # amplitude of the sway of somebody who stands still
+BPM = 120.0  # two steps a second, a usual cadence of walking
+STEP_BACK_M = 0.35  # how far the feet of the sitting person are behind the place where they stood
 SIT_KEYS = {"hips_z": -0.40, "drop": 0.43, "hips_pitch": -4.0}
-SAT_S = (36.2, 39.0)
-"""Between these seconds the person sits still."""
-
+SAT_S = (36.2, 39.0)  # between these seconds the person sits still
 _STEPS = together(LOWER["march"], upper(Key(1, arms("hang"))))
 _LEFT, _RIGHT, _ABOUT = turning(_STEPS, 90), turning(_STEPS, -90), turning(concat(_STEPS, _STEPS), 180)
 
@@ -84,8 +73,6 @@ class CheckSimConfig(Selection):
 
 @dataclass(frozen=True)
 class CheckSim(RoomFilms):
-    """Makes the films."""
-
     benchmark: CheckSimConfig = field(default_factory=CheckSimConfig)
     frames: tuple[int, int] = (round(END_S * FPS), round(END_S * FPS))
 

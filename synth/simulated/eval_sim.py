@@ -28,8 +28,6 @@ class EvalSimConfig(Selection):
 
 @dataclass(frozen=True)
 class EvalSim(StandIn):
-    """Makes the sequences of simulated EVAL."""
-
     generator: ClassVar[int] = 5
     benchmark: EvalSimConfig = field(default_factory=EvalSimConfig)
     sensor: SensorConfig = SENSORS["kinect_v1"]

@@ -13,12 +13,13 @@ from scipy.spatial import ConvexHull
 
 from kpopnet.camera import Camera
 from kpopnet.dance.joint_files.points import CAMERA_DISTANCE_M, CAMERA_HEIGHT_M
-from kpopnet.rotations import multiply
+from kpopnet.rotations import about, multiply
 from synth.body.markers import MARKERS, tracked_markers
 from synth.body.shape import Person
 from synth.motion.skeleton import Motion, height_above_floor
 from synth.samples.observe import LIMB_ENDS
 from synth.samples.sampler import body_rotations
+from synth.scene.mesh import about_z
 from synth.scene.render import make_renderer
 from synth.scene.room import Furniture, Room, View, ViewConfig, draw_room, draw_view
 from synth.scene.scene import Scene
@@ -31,11 +32,8 @@ DISTANCE_RANGE_M = (1.2, 4.2)
 """Least and greatest distance of any point of the person from the camera's wall: the range for which a Kinect v1 is made."""
 
 IMAGE_MARGIN_PX = 4
-PLACES = 24
-"""Positions drawn for a motion in a room before the room is rejected."""
-
-ROOM_BOXES = 4
-"""A room's first boxes: the floor and three walls. The others are furniture."""
+PLACES = 24  # positions drawn for a motion in a room before the room is rejected
+ROOM_BOXES = 4  # A room's first boxes: the floor and three walls. The others are furniture.
 
 MAX_OCCLUDED_FRACTION = 0.02
 """Greatest fraction of the person's pixels that furniture may occlude in any of the tested frames."""
@@ -43,9 +41,7 @@ MAX_OCCLUDED_FRACTION = 0.02
 _VERTEX_STRIDE, _FRAME_STRIDE, _OCCLUSION_STRIDE = 7, 2, 15
 """Vertices and frames of which the skin is kept for collision tests; frames that are tested for occlusion."""
 
-APART_M = 0.15
-"""Least distance between joints of two people who do not hug."""
-
+APART_M = 0.15  # least distance between joints of two people who do not hug
 ROOM, PERSON = 1, 2  # pixel labels
 
 LEVEL_VIEW = View(np.array([0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M]), np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]))
@@ -68,10 +64,9 @@ class Played:
 
     def turned(self, yaw_rad: float) -> "Played":
         """The same rotated to the left, by an angle in radians, about the vertical axis through the origin."""
-        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-        rotation = np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])  # multiplies row vectors
         local = self.local.copy()
-        local[:, 0] = multiply(np.array([np.cos(yaw_rad / 2), 0, 0, np.sin(yaw_rad / 2)]), local[:, 0])
+        local[:, 0] = multiply(about(2, yaw_rad), local[:, 0])
+        rotation = about_z(-yaw_rad)  # multiplies row vectors
         rotated = {name: getattr(self, name) @ rotation for name in ("hips_m", "skin_m", "hull_m")}
         return replace(self, local=local, **rotated)
 
@@ -100,21 +95,15 @@ class CleanFrame:
 
 
 @dataclass(frozen=True)
-class Shot:
-    """One measured frame of one person with ground truth."""
+class Film:
+    """T measured frames of one person with ground truth."""
 
-    depth_m: np.ndarray  # (H, W) float32 depth of the whole scene, metres, 0 where nothing was measured
-    person: np.ndarray  # (H, W) bool, pixels that show the person
-    joints_camera_m: np.ndarray  # (15, 3) float32 true joints, metres
-    # (M, 3) float32 markers on skin or clothes, metres, in the order of `synth.body.markers.MARKERS`
+    depth_m: np.ndarray  # (T, H, W) float32 depth of the whole scene, metres, 0 where nothing was measured
+    person: np.ndarray  # (T, H, W) bool, pixels that show the person
+    joints_camera_m: np.ndarray  # (T, 15, 3) float32 true joints, metres
+    # (T, M, 3) float32 markers on skin or clothes, metres, in the order of `synth.body.markers.MARKERS`
     markers_camera_m: np.ndarray
-    markers_tracked: np.ndarray  # (M,) bool, markers visible to a motion-capture system around the person
-
-
-@dataclass(frozen=True)
-class Film(Shot):
-    """Several frames: the arrays of `Shot` with a first axis of T frames."""
-
+    markers_tracked: np.ndarray  # (T, M) bool, markers visible to a motion-capture system around the person
     camera: Camera
 
 
@@ -133,7 +122,7 @@ class Studio:
         0 the motion's +Z axis points towards the camera. `curls_rad` (2,) is the flexion of the left and right fingers.
         """
         scene, scale = self.scene, person.leg_m / motion.leg_m
-        self._set_person(person)
+        scene.set_person(person)
         local = body_rotations(scene.asset, motion.quats, yaw_rad, curls_rad)
         hover_m = np.maximum(height_above_floor(motion.quats, motion.root_m), 0) * scale
         # The motion's y is up and its z in front: (x, y, z) -> (x, -z, y), then rotated by yaw_rad.
@@ -216,7 +205,7 @@ class Studio:
 
     def joints_world_m(self, person: Person, local: np.ndarray, hips_m: np.ndarray) -> np.ndarray:
         """(T, 15, 3) joints in the world, metres, from (T, B, 4) local rotations and (T, 3) positions of the hips, metres."""
-        self._set_person(person)
+        self.scene.set_person(person)
         joints = []
         for quats, root_m in zip(local, hips_m, strict=True):
             self.scene.pose(quats, root_m)
@@ -239,27 +228,26 @@ class Studio:
         joints_m = self.scene.view.to_camera(self.scene.joints_world_m()).astype(np.float32)
         return CleanFrame(number, self.renderer.person_m(), room_m, joints_m)
 
-    def shots(self, take: Take, sensor: SensorConfig, noise: FilmNoise, frames: range) -> Iterator[Shot]:
-        """Renders and measures frames of a take; a frame is the same whichever others are made."""
+    def shots(self, take: Take, sensor: SensorConfig, noise: FilmNoise, frames: range) -> Iterator[dict[str, np.ndarray]]:
+        """Renders and measures frames of a take: of each the arrays of a `Film` but for the axis of time, by name.
+
+        A frame is the same whichever others are made.
+        """
         for clean in self.render(take, frames):
             depth_m, person = measure_frame(clean, self.scene.camera, sensor, noise)
             skin_m = self.renderer.vertices_world_m()
-            yield Shot(
-                depth_m=depth_m,
-                person=person,
-                joints_camera_m=clean.joints_camera_m,
-                markers_camera_m=take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32),
-                markers_tracked=tracked_markers(skin_m, take.place_m),
-            )
+            yield {
+                "depth_m": depth_m,
+                "person": person,
+                "joints_camera_m": clean.joints_camera_m,
+                "markers_camera_m": take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32),
+                "markers_tracked": tracked_markers(skin_m, take.place_m),
+            }
 
     def pose(self, played: Played, number: int, place_m: np.ndarray) -> None:
         """Poses the person of a motion as in frame `number`, moved by (3,) metres in the world."""
-        self._set_person(played.person)
+        self.scene.set_person(played.person)
         self.scene.pose(played.local[number], played.hips_m[number] + place_m)
-
-    def _set_person(self, person: Person) -> None:
-        if self.scene.person is not person:
-            self.scene.set_person(self.scene.fit(person))
 
 
 def measure_frame(

@@ -36,23 +36,14 @@ class SetGenerator(ABC):
     and k, whatever the number of processes.
     """
 
-    generator: ClassVar[int] = 3
-    """Version of the generator: increased with every change that makes another set from the same settings."""
-
+    generator: ClassVar[int] = 3  # its version: increased with every change that makes another set from the same settings
+    # What a part is called. `benchmark` has the number of parts as PARTs: a smaller set is the beginning of a larger one.
     part: ClassVar[str]
-    """What a part is called. `benchmark` has the number of parts as PARTs: a smaller set is the beginning of a larger one."""
-
-    finished_files: ClassVar[str]
-    unfinished_files: ClassVar[str]
-    """Glob patterns of the files that finish a part, and of temporary files that killed processes left."""
-
+    finished_files: ClassVar[str]  # glob patterns of the files that finish a part,
+    unfinished_files: ClassVar[str]  # and of temporary files that killed processes left
     camera: ClassVar[Camera]
-
-    composed_only: ClassVar[str] = ""
-    """Why recorded motion is refused; empty where it is not."""
-
-    images_differ: ClassVar[bool] = False
-    """Whether images differ in size, which OpenGL's window does not: the CPU draws."""
+    composed_only: ClassVar[str] = ""  # why recorded motion is refused; empty where it is not
+    images_differ: ClassVar[bool] = False  # whether images differ in size, which OpenGL's window does not: the CPU draws
 
     benchmark: Any  # identity and size of the set
     # `choreography` for composed motion, or `clips` for recordings of the pack's test subjects
@@ -61,6 +52,8 @@ class SetGenerator(ABC):
     sensor: SensorConfig = SENSORS["ideal"]  # sensor model
 
     def __post_init__(self) -> None:
+        if self.benchmark.name != type(self.benchmark).name:
+            raise InputError(f"benchmark.name={self.benchmark.name}: the set is called {type(self.benchmark).name}")
         composed = MotionConfig(source="choreography")
         if self.motion.source != "clips" and self.motion != composed:
             raise InputError(
@@ -74,7 +67,6 @@ class SetGenerator(ABC):
 
     @cached_property
     def recordings(self) -> Any:
-        """The recordings of the set's split, of motion=clips."""
         return build_motion(self.motion, getattr(self.benchmark, "split", "test"))
 
     def excerpt(self, rng: np.random.Generator, clip: int, fps: float, frames: int) -> Motion:
@@ -115,7 +107,6 @@ class SetGenerator(ABC):
 
     @property
     def size(self) -> int:
-        """The number of parts."""
         return getattr(self.benchmark, f"{self.part}s")
 
     def write(self, folder: Path, processes: int) -> dict:

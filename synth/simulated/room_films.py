@@ -13,15 +13,16 @@ import numpy as np
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.body.shape import Person
+from synth.motion.choreography.pairs import Part
 from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
 from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, draw_camera, draw_view, nearest_depth_m, posed_view
 from synth.samples.layers import millimetres
 from synth.scene.mesh import Mesh, about_z, boxes
-from synth.scene.props import seat_under
+from synth.scene.props import platform_under, seat_under
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes
 from synth.sensor.model import SENSORS, SensorConfig
-from synth.simulated.casts import CASTS, FPS, Part
+from synth.simulated.casts import CASTS, FPS
 from synth.simulated.film import (
     Played,
     Studio,
@@ -35,28 +36,20 @@ from synth.simulated.film import (
 from synth.simulated.sequences import SequenceGenerator
 
 SENSOR_OF_CAMERA = {"eval": "kinect_v1", "kinect_v1": "kinect_v1", "kinect_2": "kinect_2", "smmc10": "swissranger"}
-FILM_PX = ((160, 120), (320, 240), (640, 576), (848, 480))
-"""Most (width, height) of drawn cameras, pixels."""
-
-PLACES = 40
-"""Places before a camera that are drawn for a cast."""
+FILM_PX = ((160, 120), (320, 240), (640, 576), (848, 480))  # most (width, height) of drawn cameras, pixels
+PLACES = 40  # places before a camera that are drawn for a cast
 
 DISTANCE_M, CEILING_DISTANCE_M = (1.2, 5.0), (0.6, 3.5)
 """Ranges of the distance of the middle of the stage from the camera, along the floor."""
 
 CEILING_HEIGHT_M, CEILING_PITCH_DEG = (2.4, 2.9), (35.0, 50.0)
-NEAREST_M, WALL_GAP_M = 0.5, 0.1
-"""Least distances: of people and clutter from the camera, of people from walls."""
-
-LEAST_FRAMES_IN_VIEW = 0.6
-"""Least share of a film's frames in which each person's torso is inside the image."""
-
+NEAREST_M, WALL_GAP_M = 0.5, 0.1  # least distances: of people and clutter from the camera, of people from walls
+LEAST_FRAMES_IN_VIEW = 0.6  # least share of a film's frames in which each person's torso is inside the image
 MOST_PENETRATION_M = 0.09
 LEAST_CLUTTER, MOST_CLUTTER, CLUTTER_GAP_M = 4, 8, 0.1
 """Least number of things drawn for empty rooms, greatest of any, and their distance from people."""
 
-HIDDEN_BEHIND = 0.15
-"""Least share of somebody behind furniture that is hidden in the middle of the film."""
+HIDDEN_BEHIND = 0.15  # least share of somebody behind furniture that is hidden in the middle of the film
 
 
 class Actor(NamedTuple):
@@ -92,16 +85,6 @@ class ClearFrame(NamedTuple):
     labels: np.ndarray  # (H, W) uint8
     joints_camera_m: np.ndarray  # (P, 15, 3) float32
     whole_px: np.ndarray  # (P,) int
-
-
-@dataclass(frozen=True)
-class RoomShot:
-    """One measured frame of P people."""
-
-    depth_mm: np.ndarray  # (H, W) uint16 depth of the whole scene, millimetres, 0 where nothing was measured
-    joints_camera_m: np.ndarray  # (P, 15, 3) float32 true joints, metres
-    whole_px: np.ndarray  # (P,) int32
-    seen_px: np.ndarray  # (P,) int32
 
 
 def draw_take(rng: np.random.Generator, kind: str, people: Callable[[int], Person], frames: int) -> RoomTake | None:
@@ -221,7 +204,6 @@ def draw_surroundings(
 
 
 def room_meshes(room: Room) -> list[Mesh]:
-    """The boxes of a room."""
     boxes_of = zip(room.centres_m, room.halves_m.tolist(), room.yaws_rad.tolist(), strict=True)
     return [boxes([((0, 0, 0), half)]).moved(about_z(yaw), centre) for centre, half, yaw in boxes_of]
 
@@ -238,9 +220,7 @@ def _things(rng: np.random.Generator, studio: Studio, parts: list[Part], actors:
             things.append(seat.mesh)
         if part.raised_m:
             skin_m = actor.played.skin_m[:, :2] + actor.place_m[:2]
-            low_m, high_m, half_z = skin_m.min(axis=0), skin_m.max(axis=0), part.raised_m / 2 - 0.01
-            half_m = (high_m - low_m) / 2 + rng.uniform(0.0, 0.4, 2)
-            things.append(boxes([((*((low_m + high_m) / 2), half_z), (*half_m, half_z))]))
+            things.append(platform_under(rng, skin_m.min(axis=0), skin_m.max(axis=0), part.raised_m))
     return things
 
 
@@ -269,13 +249,14 @@ class RoomFilms(SequenceGenerator):
 
     images_differ = True
 
-    def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[RoomShot]:
+    def shots(self, index: int, take: RoomTake, frames: range) -> Iterator[dict[str, np.ndarray]]:
         noise = self.noise(index)
         for clear in render(take, frames):
             surfaces, joints_m = (clear.depth_m, clear.labels), clear.joints_camera_m
             depth_m, labels = measure_surfaces(surfaces, clear.number, joints_m, take.camera, take.sensor, noise)
             seen_px = pixels_of_people(labels, len(clear.whole_px))
-            yield RoomShot(millimetres(depth_m), joints_m, np.maximum(clear.whole_px, seen_px), seen_px)
+            shot = {"depth": millimetres(depth_m), "joints_m": joints_m}
+            yield shot | {"whole_px": np.maximum(clear.whole_px, seen_px), "seen_px": seen_px}
 
 
 def _shows(kind: str, take: RoomTake) -> bool:

@@ -33,18 +33,13 @@ from synth.simulated.sequences import TILES, Selection, frame_tile
 SINGLE = "single_image"
 ROUNDS, SINGLES_A_ROUND = 5, 80
 KINDS = (*CASTS, *[SINGLE] * SINGLES_A_ROUND)
-
-IMAGE_PX = (*FILM_PX, (512, 424), (1024, 1024))
-"""Most (width, height) of the cameras of single images, pixels."""
+IMAGE_PX = (*FILM_PX, (512, 424), (1024, 1024))  # most (width, height) of the cameras of single images, pixels
 
 SENSOR_SHARES = {"kinect_v1": 0.5, "kinect_2": 0.35, "swissranger": 0.15}
 """How many single images each sensor measures."""
 
-IMAGE_ROWS = 4
-"""Rows of single images in the contact sheet."""
-
-TRIES = 60
-"""Casts drawn for a film."""
+IMAGE_ROWS = 4  # rows of single images in the contact sheet
+TRIES = 60  # casts drawn for a film
 
 
 @dataclass
@@ -70,8 +65,6 @@ class RoomsConfig(Selection):
 
 @dataclass(frozen=True)
 class Rooms(RoomFilms):
-    """Makes the films and images."""
-
     generator: ClassVar[int] = 5
     benchmark: RoomsConfig = field(default_factory=RoomsConfig)
     frames: tuple[int, int] = (60, 120)
@@ -119,7 +112,7 @@ class Rooms(RoomFilms):
         seen_px = pixels_of_people(labels + np.uint8(1), len(clear.joints_camera_m))  # of films, the first person is 2
         whole_px = np.maximum(np.rint(clear.whole_px).astype(np.int32), seen_px)
         on_frame()
-        shot = {"depth_mm": depth_mm, "joints_camera_m": clear.joints_camera_m, "whole_px": whole_px, "seen_px": seen_px}
+        shot = {"depth": depth_mm, "joints_m": clear.joints_camera_m, "whole_px": whole_px, "seen_px": seen_px}
         return self.stored(index, clear.camera, {name: array[None] for name, array in shot.items()})
 
     @cached_property

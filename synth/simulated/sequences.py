@@ -6,7 +6,7 @@ people are near other adults and wear other kinds of garments (`draw_person`), i
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -25,24 +25,21 @@ from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, follow
 from synth.scene.room import DANCE_HALL, ViewConfig
 from synth.sensor.film_noise import FilmNoise
-from synth.simulated.film import Film, Played, Shot, Studio, Take
+from synth.simulated.film import Film, Played, Studio, Take
 from synth.simulated.generator import SetGenerator, is_faulty
 
 BODY = BodyConfig(clothes=ClothesConfig(skirt=0.0, coat=0.0, hat=0.0, backpack=0.0, bag=0.0))
 """People as they come to a motion-capture session: markers are worn on trousers and tops. (The Y pose of a person in a skirt
 or a coat is not found, because its test needs two legs: seen on `eval_sim` itself, and on a set with a training seed.)"""
 
-HEADING_STD_DEG = 5.0
-"""Standard deviation of the heading at the start."""
+HEADING_STD_DEG = 5.0  # standard deviation of the heading at the start
 
 STANDING_PENETRATION_M, EXTRA_PENETRATION_M = 0.06, 0.03
 """A motion is rejected if two parts of the body, by their collision capsules, penetrate each other by more than the second
 value beyond the greater of the first value and the person's penetration while standing. When broad people stand, their forearms
 penetrate their thighs, with clothes, by 6 cm, which is not visible."""
 
-MOTION_TRIES, ROOM_TRIES = 100, 8
-"""Motions tried for a sequence, and rooms tried for each motion."""
-
+MOTION_TRIES, ROOM_TRIES = 100, 8  # motions tried for a sequence, and rooms tried for each motion
 TILES = 10
 TILE_WIDTH_PX, TILE_PORTRAIT_PX = 240, 160
 
@@ -62,8 +59,6 @@ class Selection:
     sequences: int = 1
 
     def __post_init__(self) -> None:
-        if self.name != type(self).name:
-            raise InputError(f"benchmark.name={self.name}: the set is called {type(self).name}")
         check_between("benchmark.seed", self.seed, 0, 2**32 - 1)
         check_between("benchmark.sequences", self.sequences, 1, type(self).sequences)
 
@@ -74,22 +69,13 @@ class SequenceGenerator(SetGenerator):
 
     part, finished_files, unfinished_files = "sequence", "*.h5", ".*.h5.*.tmp"
 
-    about: ClassVar[str]
-    """What the set is, and the origin of its true joints, for the reader of a report."""
-    truth: ClassVar[str] = "synthetic truth"
-
-    kinds: ClassVar[tuple[str, ...]]
-    """Sequence k shows kinds[k % len(kinds)]."""
-
+    about: ClassVar[str]  # what the set is,
+    truth: ClassVar[str] = "synthetic truth"  # and the origin of its true joints, for the reader of a report
+    kinds: ClassVar[tuple[str, ...]]  # sequence k shows kinds[k % len(kinds)]
     fps: ClassVar[float]
-    view: ClassVar[ViewConfig]
-    """Distribution of the camera's pose."""
-
-    tiles: ClassVar[int] = TILES
-    """Frames of a sequence in the contact sheet."""
-
-    names: ClassVar[str]
-    """Format of the name of a sequence, by its number."""
+    view: ClassVar[ViewConfig]  # distribution of the camera's pose
+    tiles: ClassVar[int] = TILES  # frames of a sequence in the contact sheet
+    names: ClassVar[str]  # format of the name of a sequence, by its number
 
     frames: tuple[int, int] = (100, 400)  # least and greatest length of a sequence, frames
 
@@ -106,8 +92,11 @@ class SequenceGenerator(SetGenerator):
         """
 
     @abstractmethod
-    def shots(self, index: int, take: Any, frames: range) -> Iterator[Any]:
-        """Renders and measures frames of sequence `index`; a frame is the same whichever others are made."""
+    def shots(self, index: int, take: Any, frames: range) -> Iterator[dict[str, np.ndarray]]:
+        """Renders and measures frames of sequence `index`: of each the arrays of a `StoredSequence`, without the axis of time.
+
+        A frame is the same whichever others are made.
+        """
 
     def first_person(self, index: int) -> int:
         """The number of the first person of sequence `index`; the others follow."""
@@ -118,24 +107,20 @@ class SequenceGenerator(SetGenerator):
         take = self.take(index)
         return self.stored(index, getattr(take, "camera", self.camera), self.stacked(index, take, None, on_frame))
 
-    def stored(self, index: int, camera: Camera, arrays: dict[str, np.ndarray]) -> StoredSequence:
-        """Sequence `index` from the fields of its shots by name: depth_mm, joints_camera_m, and those of `StoredSequence`."""
-        depth, joints_m = arrays.pop("depth_mm"), arrays.pop("joints_camera_m")
-        people = tuple(f"person {self.first_person(index) + number}" for number in range(joints_m.shape[1]))
-        name, kind = self.sequence_name(index), self.kind(index)
-        return StoredSequence(name, kind, self.fps, camera, people, depth, joints_m, **arrays)
+    def stored(self, index: int, camera: Camera, arrays: dict[str, Any]) -> StoredSequence:
+        """Sequence `index` with the arrays of a `StoredSequence`."""
+        people = tuple(f"person {self.first_person(index) + number}" for number in range(arrays["joints_m"].shape[1]))
+        return StoredSequence(self.sequence_name(index), self.kind(index), self.fps, camera, people, **arrays)
 
     def kind(self, index: int) -> str:
-        """The kind of motion in sequence `index`."""
         return "recorded" if self.motion.source == "clips" else self.kinds[index % len(self.kinds)]
 
     def stacked(self, index: int, take: Any, frames: int | None, on_frame: Callable[[], None]) -> dict[str, np.ndarray]:
-        """The fields of the first shots of sequence `index`, or of all, by name, with a first axis of T frames."""
+        """The arrays of the first shots of sequence `index`, or of all, with a first axis of T frames."""
         arrays: dict[str, np.ndarray] = {}
         count = len(take) if frames is None else min(frames, len(take))
         for number, shot in enumerate(self.shots(index, take, range(count))):
-            for name in (one.name for one in fields(shot)):
-                value = np.asarray(getattr(shot, name))
+            for name, value in shot.items():
                 arrays.setdefault(name, np.empty((count, *value.shape), value.dtype))[number] = value
             on_frame()
         return arrays
@@ -149,7 +134,6 @@ class SequenceGenerator(SetGenerator):
         return np.random.default_rng(self._seed(kind, *numbers))
 
     def noise(self, index: int) -> FilmNoise:
-        """The sensor's noise in sequence `index`."""
         return FilmNoise(self._seed("noise", index))
 
     def person(self, subject: int) -> Person:
@@ -178,7 +162,6 @@ class SequenceGenerator(SetGenerator):
         return [self.sheet_row(path) for path in paths]
 
     def sheet_row(self, path: Path) -> tuple[str, list[np.ndarray]]:
-        """The caption and the tiles of one file."""
         frames = len(read_sequence(path, ()).joints_m)
         numbers = np.unique(np.linspace(0, frames - 1, self.tiles).astype(int)).tolist()
         stored = read_sequence(path, numbers)
@@ -235,14 +218,14 @@ class StandIn(SequenceGenerator):
         motion, recorded = start_pose(rng, self.fps), self.motion.source == "clips"
         while len(motion) < frames:
             left_s = (frames - len(motion)) / self.fps + 1
-            motion = follow(motion, self._recorded(rng, left_s) if recorded else self.compose(rng, index, left_s))
+            if recorded:
+                part = self.excerpt(rng, int(rng.integers(len(self.recordings))), self.fps, int(left_s * self.fps))
+            else:
+                part = self.compose(rng, index, left_s)
+            motion = follow(motion, part)
         return cut(motion, 0, frames)
 
-    def _recorded(self, rng: np.random.Generator, seconds: float) -> Motion:
-        """A random excerpt of a recording, at most the given number of seconds long."""
-        return self.excerpt(rng, int(rng.integers(len(self.recordings))), self.fps, int(seconds * self.fps))
-
-    def shots(self, index: int, take: Take, frames: range) -> Iterator[Shot]:
+    def shots(self, index: int, take: Take, frames: range) -> Iterator[dict[str, np.ndarray]]:
         return self.studio.shots(take, self.sensor, self.noise(index), frames)
 
     def film(self, index: int, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> Film:
@@ -259,5 +242,5 @@ class StandIn(SequenceGenerator):
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         film = self.film(index, on_frame=on_frame)
         markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.float32(np.nan))
-        arrays = {"depth_mm": film.depth_m, "joints_camera_m": self.truth_m(film, markers_m)[:, None]}
-        return replace(self.stored(index, self.camera, arrays), markers_m=markers_m[:, None], marker_names=tuple(MARKERS))
+        arrays = {"depth": film.depth_m, "joints_m": self.truth_m(film, markers_m)[:, None], "markers_m": markers_m[:, None]}
+        return self.stored(index, self.camera, arrays | {"marker_names": tuple(MARKERS)})

@@ -64,8 +64,6 @@ class Smmc10SimConfig(Selection):
 
 @dataclass(frozen=True)
 class Smmc10Sim(StandIn):
-    """Makes the sequences of simulated SMMC-10."""
-
     benchmark: Smmc10SimConfig = field(default_factory=Smmc10SimConfig)
     sensor: SensorConfig = SENSORS["swissranger"]
     frames: tuple[int, int] = (100, 400)

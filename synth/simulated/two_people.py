@@ -13,7 +13,7 @@ import numpy as np
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
-from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Role, draw_duet
+from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Part, draw_duet
 from synth.samples.layers import millimetres
 from synth.scene.room import DANCE_HALL, ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
@@ -60,16 +60,6 @@ class Duet:
 
 
 @dataclass(frozen=True)
-class DuetShot:
-    """One measured frame of two people."""
-
-    depth_mm: np.ndarray  # (H, W) uint16 depth of the whole scene, millimetres, 0 where nothing was measured
-    joints_camera_m: np.ndarray  # (2, 15, 3) float32 true joints, metres
-    alone_px: np.ndarray  # (2,) int32 pixels inside the image that would show each person if the other were not there
-    seen_px: np.ndarray  # (2,) int32 pixels that show each person, before the sensor's noise
-
-
-@dataclass(frozen=True)
 class TwoPeople(SequenceGenerator):
     """Makes the sequences; holds a compiled scene for each of the two."""
 
@@ -96,24 +86,24 @@ class TwoPeople(SequenceGenerator):
         kind, people = self.kind(index), [self.person(self.first_person(index) + number) for number in (0, 1)]
         for attempt in range(SCENE_TRIES):
             rng = self._rng("sequence", index, attempt)
-            roles = draw_duet(rng, kind, int(rng.integers(*self.frames, endpoint=True)), FPS)
+            parts = draw_duet(rng, kind, int(rng.integers(*self.frames, endpoint=True)), FPS)
             cast = []
-            for studio, person, role in zip(self.studios, people, roles, strict=True):
+            for studio, person, part in zip(self.studios, people, parts, strict=True):
                 yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
-                cast.append(studio.play(person, role.motion, 0.0 if kind == "hug" else yaw_rad, curls_rad))
+                cast.append(studio.play(person, part.motion, 0.0 if kind == "hug" else yaw_rad, curls_rad))
             if any(penetrates_itself(played, round(FPS)) for played in cast):
                 continue
             joints_m = (
-                studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(role.place_m, 0.0))
-                for studio, played, role in zip(self.studios, cast, roles, strict=True)
+                studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(part.place_m, 0.0))
+                for studio, played, part in zip(self.studios, cast, parts, strict=True)
             )
             if kind != "hug" and not are_apart([*joints_m]):
                 continue
-            if (placed := self._place(rng, cast, roles, kind in LEAVES_IMAGE)) is not None:
+            if (placed := self._place(rng, cast, parts, kind in LEAVES_IMAGE)) is not None:
                 return placed
         raise InputError(f"{self.sequence_name(index)}: none of {SCENE_TRIES} scenes stays inside a room and the image")
 
-    def _place(self, rng: np.random.Generator, cast: list[Played], roles: tuple[Role, Role], leaves: bool) -> Duet | None:
+    def _place(self, rng: np.random.Generator, cast: list[Played], parts: list[Part], leaves: bool) -> Duet | None:
         """Searches a place in a room where both are seen whole, but for the second where they leave the image."""
         for _ in range(ROOM_TRIES):
             view, room = draw_view(rng, self.view), draw_room(rng, DANCE_HALL)
@@ -122,8 +112,8 @@ class TwoPeople(SequenceGenerator):
                 x_m, y_m = (rng.uniform(*bounds) for bounds in STAGE_M)
                 yaw_rad = -np.arctan2(x_m, y_m)  # what was played towards the camera still faces it
                 takes = [
-                    Take(played.turned(yaw_rad), room, view, on_stage(role.place_m, yaw_rad) + np.array((x_m, y_m, 0.0)))
-                    for played, role in zip(cast, roles, strict=True)
+                    Take(played.turned(yaw_rad), room, view, on_stage(part.place_m, yaw_rad) + np.array((x_m, y_m, 0.0)))
+                    for played, part in zip(cast, parts, strict=True)
                 ]
                 shown = zip(self.studios, takes, (True, not leaves), strict=True)
                 if all(not inside or studio.in_image(take) for studio, take, inside in shown) and all(
@@ -132,17 +122,23 @@ class TwoPeople(SequenceGenerator):
                     return Duet((takes[0], takes[1]))
         return None
 
-    def shots(self, index: int, take: Duet, frames: range) -> Iterator[DuetShot]:
+    def shots(self, index: int, take: Duet, frames: range) -> Iterator[dict[str, np.ndarray]]:
         noise = self.noise(index)
         rendered = (studio.render(one, frames) for studio, one in zip(self.studios, take.takes, strict=True))
         return (measure(pair, self.camera, self.sensor, noise) for pair in zip(*rendered, strict=True))
 
 
-def measure(pair: tuple[CleanFrame, CleanFrame], camera: Camera, sensor: SensorConfig, noise: FilmNoise) -> DuetShot:
-    """Puts two people, each rendered alone in the same room, into one image, and applies the sensor model."""
+def measure(
+    pair: tuple[CleanFrame, CleanFrame], camera: Camera, sensor: SensorConfig, noise: FilmNoise
+) -> dict[str, np.ndarray]:
+    """Puts two people, each rendered alone in the same room, into one image, and applies the sensor model.
+
+    `seen_px` are the pixels that show each of them before the sensor's noise.
+    """
     room_m, joints_m = pair[0].room_m, np.stack([clean.joints_camera_m for clean in pair])
     surfaces = nearest_surfaces(room_m, [clean.person_m for clean in pair])
     depth_m, _ = measure_surfaces(surfaces, pair[0].number, joints_m, camera, sensor, noise)
     alone = [nearest_surfaces(room_m, [clean.person_m])[1] for clean in pair]
     alone_px = np.concatenate([pixels_of_people(labels, 1) for labels in alone])
-    return DuetShot(millimetres(depth_m), joints_m, alone_px, pixels_of_people(surfaces[1], len(pair)))
+    seen_px = pixels_of_people(surfaces[1], len(pair))
+    return {"depth": millimetres(depth_m), "joints_m": joints_m, "alone_px": alone_px, "seen_px": seen_px}

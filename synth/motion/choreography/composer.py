@@ -13,11 +13,10 @@ from synth.motion.choreography.moves import Move, concat, mirror, repeat, scale,
 from synth.motion.choreography.stage import Style, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
 from synth.motion.limbs import choose, uniform
-from synth.motion.skeleton import LEG_M, Motion, Poses, facing_front
+from synth.motion.skeleton import Motion, Poses, still
 
 COUNTS = 8
-BPM = (90.0, 140.0)
-"""Range of a dance's tempo, beats per minute."""
+BPM = (90.0, 140.0)  # range of a dance's tempo, beats per minute
 
 # Steps with which a phrase may also turn in place.
 _TURNING_GROOVES = ("bounce", "march", "twist_hips", "taps_out", "knee_lifts")
@@ -70,7 +69,6 @@ def compose(generator: np.random.Generator, counts: float) -> Move:
 
 
 def draw_style(generator: np.random.Generator) -> Style:
-    """The style of a random dancer."""
     return Style(
         sharpness=uniform(generator, 0.8, 1.5),
         bounce_m=uniform(generator, 0.0, 0.04),
@@ -98,32 +96,20 @@ def dance(index: int, seed: int = 0, seconds: float = 20.0, fps: float = 30.0) -
 
 
 class Choreography:
-    """A collection of dances, and of single poses from them."""
-
     _STILLS_FPS = 10.0  # frame rate of the dances from which single poses are taken
 
     def __init__(self, dances: int, seed: int, seconds: float, fps: float) -> None:
         self._dances, self._seed, self._seconds, self._fps = dances, seed, seconds, fps
-        self._still = lru_cache(maxsize=None)(lambda i: dance(i, seed, seconds, self._STILLS_FPS))
+        self._slow = lru_cache(maxsize=None)(lambda i: dance(i, seed, seconds, self._STILLS_FPS))
 
     def __len__(self) -> int:
         return self._dances
 
     def motion(self, index: int) -> Motion:
-        """Dance number `index` of the collection."""
-        if not 0 <= index < self._dances:
-            raise IndexError(index)
         return dance(index, self._seed, self._seconds, self._fps)
 
     def poses(self, generators: Sequence[np.random.Generator]) -> Poses:
-        """A random frame of a random dance per generator, rotated to face +Z."""
-        quats, heights, names = [], [], []
-        for generator in generators:
-            motion = self._still(int(generator.random() * self._dances))
-            frame = int(generator.random() * len(motion))
-            quats.append(motion.quats[frame])
-            heights.append(motion.root_m[frame, 1])
-            names.append(f"{motion.name}@{frame / motion.fps:.1f}s")
-        root_m = np.zeros((len(quats), 3), np.float32)
-        root_m[:, 1] = heights
-        return Poses(facing_front(np.array(quats)), root_m, np.full(len(quats), LEG_M, np.float32), names)
+        """A random frame of a random dance per generator."""
+        dances = [self._slow(int(generator.random() * self._dances)) for generator in generators]
+        frames = [int(generator.random() * len(motion)) for generator, motion in zip(generators, dances, strict=True)]
+        return Poses.joined(list(map(still, dances, frames)))

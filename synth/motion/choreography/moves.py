@@ -39,8 +39,6 @@ RELAXED_UPPER: dict[str, float] = {
 
 @dataclass(frozen=True)
 class Key:
-    """A keyframe: a target shape."""
-
     beats: float  # beats after the previous key
     shape: Shape  # channels that differ from standing relaxed
     # fraction of the beats in which the movement takes place; the shape is held for the rest. A small value is a hard hit.
@@ -69,7 +67,6 @@ def _beats(track: tuple[Key, ...]) -> float:
 
 
 def concat(*moves: Move) -> Move:
-    """Moves in sequence."""
     return reduce(lambda a, b: Move(a.lower + b.lower, a.upper + b.upper), moves)
 
 
@@ -136,9 +133,7 @@ _ARMS: dict[str, tuple[float, float, float, float]] = {  # raise, plane, twist, 
 }
 
 _OF_BOTH_SIDES = (*LEG_CHANNELS, "raise", "plane", "twist", "elbow", "pronate", "wrist", "shrug")
-
-Place = tuple[float, float]
-"""Of a foot: metres outwards from the middle, and in front."""
+Place = tuple[float, float]  # of a foot: metres outwards from the middle, and in front
 
 Reach = str | tuple[float, float, float, float]
 """Where an arm is: a direction of `_ARMS`, a place on the body (`limbs.REACHES`), or its raise, plane, twist and elbow."""

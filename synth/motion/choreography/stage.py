@@ -28,9 +28,7 @@ _REACH = 0.997
 """Largest distance from hip to ankle as a fraction of the leg's length, so that the knees are never locked."""
 
 STANDING_HIPS_M = ANKLE_M + 0.993 * LEG_M - _HIP_JOINTS_M[0, 1]
-
-_MIN_STEP_M = 0.01
-"""A foot takes a step if its position changes by more than this."""
+_MIN_STEP_M = 0.01  # a foot takes a step if its position changes by more than this
 
 # The lift of a stepping foot grows linearly with the length of the step, up to a maximum.
 _LIFT_BASE_M, _LIFT_PER_M, _MAX_LIFT_M = 0.025, 0.14, 0.11
@@ -47,8 +45,6 @@ _PEAK_OVER_MEAN = 1.5  # ratio of peak to mean speed between two keys
 
 @dataclass(frozen=True)
 class Style:
-    """The movement style of a dancer."""
-
     sharpness: float = 1.0  # divides the time in which a hit reaches its key; above 1 is a harder hit
     bounce_m: float = 0.02  # depth of the bounce of the hips on every beat, metres
     # delay of the forearm relative to the upper arm, seconds; the upper arm's delay relative to the trunk is half of it

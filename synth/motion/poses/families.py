@@ -77,7 +77,6 @@ def broad(generator: np.random.Generator) -> Angles:
 
 
 def free_arms(generator: np.random.Generator) -> Angles:
-    """Upright with arms in any direction."""
     return at_rest(generator, stance(generator) | trunk(generator, 0.7) | both_arms(generator))
 
 
@@ -231,13 +230,10 @@ FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Angles]]] = {
 }
 """Name to (relative weight, family)."""
 
-_JITTER_DEG = 2.5
-"""Standard deviation of the noise added to every angle, so that no tabulated pose occurs twice."""
+_JITTER_DEG = 2.5  # standard deviation of the noise added to every angle, so that no tabulated pose occurs twice
 
 
 class ProceduralPoses:
-    """A motion source that draws poses from families by weight."""
-
     def __init__(self, families: dict[str, tuple[float, Callable[[np.random.Generator], Angles]]] = FAMILIES) -> None:
         self._names = tuple(families)
         self._families = tuple(family for _, family in families.values())
@@ -250,7 +246,6 @@ class ProceduralPoses:
         return self._build(chosen, generators)
 
     def family(self, name: str, generators: Sequence[np.random.Generator]) -> Poses:
-        """Draws one pose of the named family per generator."""
         return self._build([self._names.index(name)] * len(generators), generators)
 
     def _build(self, chosen: list[int], generators: Sequence[np.random.Generator]) -> Poses:

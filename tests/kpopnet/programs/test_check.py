@@ -54,9 +54,8 @@ def film() -> StoredSequence:
     maker = CheckSim(CheckSimConfig(seed=5, cameras=["kinect_v1"], sequences=5))
     take = maker.take(0)
     shots = list(maker.shots(0, take, range(0, len(take), EVERY)))
-    arrays = {name: np.stack([getattr(shot, name) for shot in shots]) for name in vars(shots[0])}
-    depth, joints_m = arrays.pop("depth_mm"), arrays.pop("joints_camera_m")
-    return StoredSequence("any", "kinect_v1", FPS, take.camera, ("person 0",), depth=depth, joints_m=joints_m, **arrays)
+    arrays = {name: np.stack([shot[name] for shot in shots]) for name in shots[0]}
+    return StoredSequence("any", "kinect_v1", FPS, take.camera, ("person 0",), **arrays)
 
 
 def rows(text: str) -> dict[str, str]:

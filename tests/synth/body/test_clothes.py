@@ -48,9 +48,13 @@ def test_clothes_move_no_joint_and_no_collision_capsule() -> None:
     scene = Scene(CAMERAS["kinect_v1"])
     dressed = dress(BARE, True, np.random.default_rng(3), EVERYTHING)
     assert np.abs(dressed.vertices_m - BARE.vertices_m).max() > 0.05
-    one, other = scene.fit(BARE), scene.fit(dressed)
-    for name in ("capsule_size", "capsule_pos", "capsule_quat", "body_pos"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    fitted = []
+    for person in (BARE, dressed):
+        scene.set_person(person)
+        np.testing.assert_array_equal(scene.model.skin_vert, person.vertices_m)
+        fitted.append([getattr(scene.model, name).copy() for name in ("geom_size", "geom_pos", "geom_quat", "body_pos")])
+    for one, other in zip(*fitted, strict=True):
+        np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(dressed.joints_m, BARE.joints_m)
     outwards_m = ((dressed.vertices_m[:NUM_VERTICES] - BARE.bare_m) * FIGURE.normals).sum(axis=1)
     assert np.median(outwards_m) > 0.005 and outwards_m.min() > -0.05

@@ -12,7 +12,7 @@ from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig
+from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, connected
 from synth.dances.skill import LEVELS
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.recorded import open_clips
@@ -83,6 +83,14 @@ def test_a_learners_depth_agrees_with_the_true_joints(written):
             assert np.mean(np.abs(measured_m - np.median(z)) > 1.3) < 0.002 and 1500 < len(measured_m) < 40_000
 
 
+def test_only_connected_pixels_are_kept() -> None:
+    depth_m = np.zeros((6, 8), np.float32)
+    depth_m[1:3, 1:3], depth_m[4, 5], depth_m[4, 6], depth_m[2, 3] = 2.0, 2.0, 2.05, 3.0
+    expected = np.where(depth_m == 2.0, depth_m, 0)
+    expected[4, 5] = 0
+    np.testing.assert_array_equal(connected(depth_m), expected)
+
+
 def test_missing_files_are_made_and_existing_files_are_kept(written, tmp_path, capsys):
     before = contents(written)
     sent = pickle.loads(pickle.dumps(replace(SHORT, benchmark=KpopSimConfig(seed=4, dances=1))))  # as to another process
@@ -135,6 +143,8 @@ def test_invalid_settings_are_rejected():
     for wrong in ({"dances": 101}, {"split": "exam"}):
         with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
             KpopSimConfig(**wrong)
+    with pytest.raises(InputError, match=r"benchmark\.name=other: the set is called kpop_sim"):
+        KpopSim(KpopSimConfig(name="other"))
 
 
 def test_only_clips_of_category_dance_are_used(tmp_path):

@@ -84,8 +84,5 @@ def test_single_poses_come_from_the_dances_and_face_the_front():
     assert {name.split("@")[0] for name in poses.names} == {f"choreography:0-{i}" for i in range(4)}
     alone = source.poses([np.random.default_rng(7)])
     np.testing.assert_array_equal(alone.quats[0], poses.quats[7])
-    front = rotate(poses.quats[:, 0].astype(float), np.broadcast_to([0.0, 0, 1], (40, 3)))
-    assert (front[:, 2] > 0).all()
+    assert np.abs(poses.quats[:, 0, 2]).max() < 1e-6  # the hips have no heading
     assert height_above_floor(poses.quats, poses.root_m).min() > -0.01
-    with pytest.raises(IndexError):
-        source.motion(4)

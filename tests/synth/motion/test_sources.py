@@ -5,7 +5,6 @@ import pytest
 from bvh_files import write_bvh
 
 from kpopnet.errors import InputError
-from kpopnet.rotations import rotate
 from synth.motion import SPLITS, MixedPoses, MotionConfig, build_motion
 from synth.motion.choreography.composer import dance
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
@@ -61,8 +60,7 @@ def test_single_poses_of_a_pack_are_uniform_over_time_and_never_bad_frames(pack)
     frames = [(name.split("@")[0], round(float(name.split("@")[1][:-1]) * 30)) for name in poses.names]
     assert {name for name, _ in frames} == {"clip:a", "clip:b"}
     assert np.mean([name == "clip:a" for name, _ in frames]) == pytest.approx(2 / 3, abs=0.07)
-    front = rotate(poses.quats[:, 0].astype(float), np.broadcast_to([0.0, 0, 1], (600, 3)))
-    np.testing.assert_allclose(front[:, 0], 0, atol=0.35)
+    assert np.abs(poses.quats[:, 0, 2]).max() < 1e-6  # the hips have no heading
     truth = np.concatenate([dance(0, seconds=2.0).quats[3:6], dance(1, seconds=1.0).quats[3:6]])
     # The legs of no pose equal those of a bad frame.
     apart = np.abs(poses.quats[:, None, 15:] - truth[None, :, 15:]).max(axis=(2, 3)).min()

@@ -1,4 +1,4 @@
-"""Samples: what they depend on, where people stand, and the consistency of labels and depth image."""
+"""Samples: what they depend on, where people stand, what is around them, and the consistency of labels and depth image."""
 
 from dataclasses import fields, replace
 
@@ -9,11 +9,15 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.motion import MotionConfig, Poses
 from synth.motion.skeleton import INDEX
-from synth.samples.placing import StageConfig
+from synth.samples.placing import NEAREST_M, StageConfig
 from synth.samples.sampler import CameraConfig, RenderedSample, SampleConfig, Sampler, heading_rad
+from synth.scene.mesh import about_z
 from synth.scene.props import NO_PROPS, PropsConfig
 
 CONFIG = SampleConfig(renderer="cpu", motion=MotionConfig(source="poses"), samples_per_body=4, samples_per_room=10)
+
+
+BUSY = replace(CONFIG, props=PropsConfig(seat=1, held=0.5, second_person=0.5, attached=0.5), samples_per_room=3)
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +29,7 @@ def same(a: RenderedSample, b: RenderedSample) -> bool:
     return all(np.array_equal(getattr(a.sample, one.name), getattr(b.sample, one.name)) for one in fields(a.sample))
 
 
-@pytest.mark.parametrize("props", [NO_PROPS, PropsConfig(seat=1, held=0.5, second_person=0.5, attached=0.5)])
+@pytest.mark.parametrize("props", [NO_PROPS, BUSY.props])
 def test_a_sample_does_not_depend_on_the_other_samples_drawn(props: PropsConfig) -> None:
     config = replace(CONFIG, props=props, samples_per_room=3)
     batch = list(Sampler(config, 7, "train").samples(0, 30))
@@ -57,6 +61,50 @@ def test_visible_joints_and_the_box_lie_on_the_person(sampler: Sampler) -> None:
         assert sample.depth_mm[y0].any() and sample.depth_mm[y1 - 1].any()
         assert sample.depth_mm[:, x0].any() and sample.depth_mm[:, x1 - 1].any()
     assert visible > 40 * 8
+
+
+def test_people_stand_on_the_floor_and_not_in_walls_or_furniture(sampler: Sampler) -> None:
+    refused = 0
+    for rendered in sampler.samples(0, 60):
+        skin_m = sampler.renderer.vertices_world_m()
+        room = sampler.room(rendered.sample.room).room
+        for centre, half, yaw in zip(room.centres_m[1:], room.halves_m[1:], room.yaws_rad[1:], strict=True):
+            assert not (np.abs((skin_m - centre) @ about_z(yaw)) < half).all(axis=1).any()
+        assert skin_m[:, 2].min() > -1e-5 and not rendered.forced
+        refused += rendered.refused_places
+    assert refused > 0
+
+
+def test_cut_people_keep_their_torso_in_the_image_and_true_joints() -> None:
+    sampler = Sampler(replace(CONFIG, stage=StageConfig(cut=1.0), props=NO_PROPS), 1, "train")
+    camera, outside = sampler.scene.camera, 0
+    for rendered in sampler.samples(0, 30):
+        sample = rendered.sample
+        expected = sampler.scene.view.to_camera(sampler.scene.joints_world_m())
+        np.testing.assert_allclose(sample.joints_camera_m, expected, atol=1e-5)
+        assert np.isfinite(sample.joints_camera_m).all() and sample.joints_camera_m[:, 2].min() > NEAREST_M - 0.05
+        if rendered.refused_places < sampler.config.stage.place_tries:
+            u, v, _ = camera.project(sample.joints_camera_m[Joint.TORSO])
+            assert -0.5 <= u <= camera.width - 0.5 and -0.5 <= v <= camera.height - 0.5
+            x0, y0, x1, y1 = sample.box
+            outside += x0 == 0 or y0 == 0 or x1 == camera.width or y1 == camera.height
+        assert np.count_nonzero(sample.depth_mm) >= sampler.config.stage.least_pixels
+    assert outside > 20
+
+
+def test_props_change_the_image_but_not_the_person() -> None:
+    bare, busy = (Sampler(replace(BUSY, props=props), 3, "train").samples(0, 20) for props in (NO_PROPS, BUSY.props))
+    hidden = added = 0
+    for one, other in zip(bare, busy, strict=True):
+        if one.refused_places != other.refused_places:  # a prop hid the person: another place was drawn
+            continue
+        assert np.array_equal(one.sample.joints_camera_m, other.sample.joints_camera_m)
+        assert (one.sample.visible | ~other.sample.visible).all()  # nothing becomes visible
+        hidden += ((one.sample.depth_mm > 0) & (other.sample.depth_mm != one.sample.depth_mm)).any()
+        added += ((one.sample.depth_mm == 0) & (other.sample.depth_mm > 0)).any()
+        if not other.props:
+            assert np.array_equal(one.sample.depth_mm, other.sample.depth_mm)
+    assert hidden >= 3 and added >= 3
 
 
 def test_yaw_is_the_heading_relative_to_the_camera(sampler: Sampler) -> None:

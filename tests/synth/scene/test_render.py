@@ -39,7 +39,7 @@ def test_a_box_in_a_room_has_its_analytic_depth() -> None:
 def compared_scene(scene: Scene, k: int) -> None:
     """Sets up scene k of those that both renderers draw. The last person intersects the near plane."""
     rng = np.random.default_rng(k)
-    scene.set_person(scene.fit(draw_person(rng, BodyConfig(), "train")))
+    scene.set_person(draw_person(rng, BodyConfig(), "train"))
     scene.set_view(draw_view(rng, ViewConfig()))
     scene.set_room(draw_room(rng, LIVING_ROOM))
     quats = np.array([1.0, 0, 0, 0]) + 0.15 * rng.normal(size=(len(scene.asset.bone_names), 4))

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
+from synth.scene.mesh import about_z
 from synth.scene.room import LIVING_ROOM, draw_room, overlaps_boxes
 
 
 def overlaps_plainly(vertices_m, place_m, centres_m, halves_m, yaws_rad, clearance_m) -> bool:
     for centre, half, yaw in zip(centres_m, halves_m, yaws_rad, strict=True):
-        offset = vertices_m + place_m - centre
-        rotation = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-        if (np.abs(offset @ rotation) < half + clearance_m).all(axis=1).any():
+        if (np.abs((vertices_m + place_m - centre) @ about_z(yaw)) < half + clearance_m).all(axis=1).any():
             return True
     return False
 

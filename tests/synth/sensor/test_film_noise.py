@@ -49,6 +49,8 @@ def test_still_pixels_of_a_kinect_v1_change_as_in_real_recordings():
 
 def test_white_disparity_noise_keeps_its_variance_and_draws_only_its_share_anew():
     config = only(baseline_m=0.075, disparity_noise_px=0.02, disparity_flicker=0.25, grain_disparity_px=0.25)
+    near = 1 / shoot(wall(1.0), config, 0)
+    assert near.std() == pytest.approx(0.02 / (575.5 * 0.075), rel=0.03)
     frames = np.stack([1 / shoot(wall(2.8), config, t) for t in range(12)])
     assert frames.std() == pytest.approx(0.02 / (575.5 * 0.075), rel=0.01)
     assert frames.var(axis=0).mean() / frames.var() == pytest.approx(0.25 * 11 / 12, rel=0.03)

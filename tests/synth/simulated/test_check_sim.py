@@ -61,9 +61,9 @@ def test_nothing_jumps_and_feet_are_on_the_floor(take: RoomTake, joints_m: np.nd
 def test_the_room_is_empty_when_it_should_be_and_the_person_whole_when_they_stand(maker: CheckSim, take: RoomTake) -> None:
     numbers = [0, *(round(one * FPS) for one in (7.9, 17.0, 30.0, 37.0, 50.0, 59.0))]
     shots = [next(maker.shots(INDEX, take, range(number, number + 1))) for number in numbers]
-    assert [shot.seen_px[0] == 0 for shot in shots] == [True, True, False, False, False, True, False]
+    assert [shot["seen_px"][0] == 0 for shot in shots] == [True, True, False, False, False, True, False]
     for shot in (shots[2], shots[4], shots[6]):
-        assert shot.seen_px[0] > 0.95 * shot.whole_px[0]
+        assert shot["seen_px"][0] > 0.95 * shot["whole_px"][0]
 
 
 def test_people_rooms_and_cameras_take_turns() -> None:

@@ -109,8 +109,8 @@ def test_frames_and_images_depend_on_their_numbers_alone(maker: Rooms) -> None:
     take = maker.take(index)
     [last] = maker.shots(index, take, range(7, 8))
     *_, again = maker.shots(index, Rooms(maker.benchmark, frames=maker.frames).take(index), range(5, 8))
-    for name in vars(last):
-        np.testing.assert_array_equal(getattr(last, name), getattr(again, name))
+    for name in last:
+        np.testing.assert_array_equal(last[name], again[name])
     first = KINDS.index(SINGLE)
     images = [maker.sequence(number, lambda: None) for number in range(first, first + 3)]
     other = Rooms(maker.benchmark).sequence(first + 2, lambda: None)

@@ -52,7 +52,7 @@ def test_the_nearer_of_two_people_hides_the_other() -> None:
     near, far = clean(2.0, slice(0, 100), room_m), clean(3.0, slice(50, 150), room_m)
     for pair, turned in (((near, far), 1), ((far, near), -1)):
         shot = measure(pair, CAMERA, SENSORS["ideal"], FilmNoise((1,)))
-        assert shot.alone_px[::turned].tolist() == [100 * 240, 100 * 240]
-        assert shot.seen_px[::turned].tolist() == [100 * 240, 50 * 240]
-        assert (shot.depth_mm[:, :100] == 2000).all() and (shot.depth_mm[:, 100:150] == 3000).all()
-        assert (shot.depth_mm[1:, 150:] == 4000).all() and (shot.depth_mm[0, 150:] == 0).all()
+        assert shot["alone_px"][::turned].tolist() == [100 * 240, 100 * 240]
+        assert shot["seen_px"][::turned].tolist() == [100 * 240, 50 * 240]
+        assert (shot["depth"][:, :100] == 2000).all() and (shot["depth"][:, 100:150] == 3000).all()
+        assert (shot["depth"][1:, 150:] == 4000).all() and (shot["depth"][0, 150:] == 0).all()

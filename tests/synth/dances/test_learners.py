@@ -1,0 +1,157 @@
+"""Simulated learners: the model of skill, the second family of faults, and the ends of the scale."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from motions import distance_m, points_m
+
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import score_dance
+from synth.dances.ends import ENDS, end_motion
+from synth.dances.faults import FAULTS, LAG_S, habit, lag, with_faults
+from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig
+from synth.dances.skill import LEVELS, SkillConfig, Strengths, draw_strengths, learn
+from synth.motion.choreography.composer import dance
+from synth.motion.skeleton import Motion, height_above_floor, mirrored
+
+FPS = 30.0
+NONE = Strengths(0, 0, 0, 0, 0, 0)
+
+
+@pytest.fixture(scope="module")
+def teacher() -> Motion:
+    return dance(0, 12345, 8.0, FPS)
+
+
+def learnt(teacher: Motion, seed: int = 0, **strengths: float) -> Motion:
+    return learn(teacher, replace(NONE, **strengths), np.random.default_rng(seed))[0]
+
+
+def test_without_errors_the_learner_equals_the_teacher(teacher):
+    learner = learnt(teacher)
+    np.testing.assert_allclose(points_m(learner), points_m(teacher), atol=1e-4)
+    np.testing.assert_allclose(learner.root_m[:, [0, 2]], teacher.root_m[:, [0, 2]], atol=1e-5)
+    assert np.abs(learner.root_m[:, 1] - teacher.root_m[:, 1]).max() < 0.03
+    assert len(learner) == len(teacher) and learner.fps == teacher.fps
+
+
+def test_a_lag_is_a_delay(teacher):
+    for late in (learnt(teacher, lag_s=0.2), lag(teacher, 0.2 / LAG_S, np.random.default_rng(0))):
+        np.testing.assert_allclose(points_m(late)[6:], points_m(teacher)[:-6], atol=1e-3)
+
+
+def test_the_delay_varies_with_the_given_deviation_and_time_never_runs_backwards(teacher):
+    # The hips move uniformly, so their position encodes the time.
+    frames = 1200
+    root_m = np.zeros((frames, 3))
+    root_m[:, 0] = np.arange(frames) / FPS
+    clock = Motion(np.tile(teacher.quats[:1], (frames, 1, 1)), root_m.astype(np.float32), FPS, "clock", teacher.leg_m)
+    delays = []
+    for seed in range(6):
+        when = learnt(clock, seed, unevenness_s=0.15).root_m[:, 0]
+        assert (np.diff(when) >= -1e-5).all()
+        delays.append((np.arange(frames) / FPS - when)[60:-60])
+    assert np.std(np.concatenate(delays)) == pytest.approx(0.15, rel=0.35)
+
+
+def test_the_distance_grows_with_the_strength_of_every_error(teacher):
+    for name, most in asdict(Strengths(0.4, 0.3, 0.5, 0.6, noise_deg=25, mistakes_per_minute=30)).items():
+        errors = [
+            np.mean([distance_m(teacher, learnt(teacher, seed, **{name: share * most})) for seed in range(5)])
+            for share in (0.15, 0.4, 1.0)
+        ]
+        assert errors[0] > 0 and (np.diff(errors) > 0).all(), (name, errors)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_mistake_shows_the_motion_of_its_kind(teacher, seed):
+    learner, mistakes = learn(teacher, replace(NONE, mistakes_per_minute=22), np.random.default_rng(seed))
+    wrong, arms = np.zeros(len(teacher), bool), slice(7, 15)
+    for mistake in mistakes:
+        wrong[int(mistake.start_s * FPS) : int((mistake.start_s + mistake.seconds) * FPS) + 2] = True
+        middle = int((mistake.start_s + mistake.seconds / 2) * FPS)
+        if mistake.kind == "forgotten":
+            assert (points_m(learner)[middle, [10, 14], 1] < 0).all()  # the hands hang
+            continue
+        swapped = teacher.quats[np.clip(round(middle + mistake.shift_s * FPS), 0, len(teacher) - 1)]
+        shown = {"mirrored": mirrored(teacher.quats[middle]), "swapped": swapped}[mistake.kind]
+        assert np.abs((learner.quats[middle, arms] * shown[arms]).sum(axis=-1)).min() > 0.99, mistake
+    # Outside the mistakes the learner equals the teacher.
+    np.testing.assert_allclose(points_m(learner)[~wrong], points_m(teacher)[~wrong], atol=1e-3)
+
+
+def test_levels_differ_in_the_mean_and_overlap_in_each_error():
+    config, rng = SkillConfig(spacing=0.3, spread=0.2), np.random.default_rng(0)
+    drawn = np.array([[list(asdict(draw_strengths(rng, level, config)).values()) for level in range(4)] for _ in range(500)])
+    mean_log = np.log(drawn).mean(axis=-1)
+    np.testing.assert_allclose(np.diff(mean_log, axis=1), config.spacing, atol=1e-9)
+    inverted = (np.diff(drawn, axis=1) < 0).mean(axis=(0, 1))
+    assert ((inverted > 0.05) & (inverted < 0.25)).all(), inverted
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_of_severity_0_changes_nothing_and_it_grows_with_its_severity(name, teacher):
+    distances = [
+        np.mean([distance_m(teacher, with_faults(teacher, {name: severity}, np.random.default_rng(seed))) for seed in range(4)])
+        for severity in (0.0, 0.5, 1.0, 2.0)
+    ]
+    assert distances[0] < 1e-5 and (np.diff(distances) > 0).all() and 0.005 < distances[2] < 0.25, distances
+
+
+def test_a_habit_turns_two_joints_by_the_same_angle_throughout(teacher):
+    turned = habit(teacher, 1.0, np.random.default_rng(3))
+    cosine = np.abs((teacher.quats.astype(float) * turned.quats).sum(axis=-1))
+    angles_deg = np.degrees(2 * np.arccos(np.clip(cosine, 0, 1)))
+    wrong = angles_deg.max(axis=0) > 1
+    assert wrong.sum() == 2 and np.ptp(angles_deg[:, wrong], axis=0).max() < 0.1
+
+
+@pytest.mark.parametrize("family", ["mixed", "skill"])
+def test_learners_stay_on_the_floor_and_do_not_jump(teacher, family):
+    rng = np.random.default_rng(0)
+    strong = Strengths(0, 0, damping=0.3, distortion=0.3, noise_deg=20, mistakes_per_minute=20)
+    learner = with_faults(teacher, dict.fromkeys(FAULTS, 2.0), rng) if family == "mixed" else learn(teacher, strong, rng)[0]
+    height = height_above_floor(learner.quats, learner.root_m)
+    assert height.min() > -1e-3 and height.max() < 0.5
+    assert np.linalg.norm(np.diff(points_m(learner), axis=0), axis=-1).max() * FPS < 15
+    np.testing.assert_allclose(np.linalg.norm(learner.quats, axis=-1), 1, atol=1e-5)
+
+
+@pytest.mark.parametrize("family", ["mixed", "skill"])
+def test_a_better_level_is_nearer_to_the_teacher(family):
+    maker = KpopSim(KpopSimConfig(seed=4, split="train", faults=family), seconds=(3.0, 3.5))
+    assert maker.skill.spacing == SPACING[family]
+    distances = np.zeros((6, len(LEVELS)))
+    for index in range(len(distances)):
+        learners = sorted((maker.learner(index, learner) for learner in range(4)), key=lambda one: one.level)
+        distances[index] = [distance_m(maker.teacher_motion(index), one.motion) for one in learners]
+        if family == "mixed":
+            assert all((np.diff([one.strengths[name] for one in learners]) > 0).all() for name in FAULTS)
+    assert (np.diff(distances.mean(axis=0)) > 0).all()
+
+
+MAKER = KpopSim(KpopSimConfig(seed=11, dances=1, split="train", faults="ends"), seconds=(4.0, 5.0))
+
+
+def test_a_perfect_learner_scores_100_and_who_does_not_dance_next_to_nothing():
+    teacher, person = MAKER.teacher_motion(0), MAKER._person(MAKER._rng("teacher", 0))
+    taught_m = MAKER.teacher_joints_m(0)
+    scores = {}
+    for end in ENDS:
+        motion = end_motion(end, teacher, MAKER.teacher_motion(50), np.random.default_rng(0))
+        assert len(motion) == len(teacher)
+        joints_m = MAKER.studio.level_joints_m(MAKER.studio.play(person, motion, 0.0, np.zeros(2)))
+        dances = (Performance(one, np.arange(len(one)) / teacher.fps) for one in (taught_m, joints_m))
+        scores[end] = score_dance(*dances).similarity
+    assert scores.pop("perfect") > 99.9
+    assert max(scores.values()) < 20, scores
+
+
+def test_who_stands_and_waves_stands_on_the_floor():
+    assert MAKER.level_names == ENDS
+    teacher = MAKER.teacher_motion(0)
+    for end in ("waving", "standing still"):
+        motion = end_motion(end, teacher, teacher, np.random.default_rng(0))
+        assert np.abs(height_above_floor(motion.quats, motion.root_m)).max() < 1e-4
+        assert (np.ptp(motion.quats, axis=0).max() > 0.3) == (end == "waving")
