@@ -4,7 +4,6 @@ import base64
 import hashlib
 import html
 import json
-import math
 import re
 import sys
 from collections.abc import Sequence
@@ -96,7 +95,7 @@ def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
     settings, git = asdict(config), git_revision()
     made = {
         "files": config.files(),
-        "config": _non_finite_as_text(settings),
+        "config": json.loads(json.dumps(settings), parse_constant=lambda name: str(float(name))),  # "inf": JSON has no number
         "config_hash": hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:12],
         "git": git,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -133,14 +132,6 @@ def printable(text: str) -> str:
     """The text with backslash escapes, which are ASCII, for what the terminal cannot show."""
     encoding = getattr(sys.stdout, "encoding", None) or "ascii"
     return text.encode(encoding, "backslashreplace").decode(encoding)
-
-
-def _non_finite_as_text(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _non_finite_as_text(one) for name, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_non_finite_as_text(one) for one in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _named_tables(blocks: list[Block]) -> dict[str, Table]:
