@@ -4,6 +4,7 @@ import json
 import math
 import os
 import platform
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime
 from operator import ge, le
@@ -118,13 +119,9 @@ def machine() -> dict:
 
 
 def _processor() -> str:
-    try:
-        names = [
-            line.partition(":")[2].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line
-        ]
-    except OSError:
-        names = []
-    return names[0] if names else platform.processor() or platform.machine()
+    path = Path("/proc/cpuinfo")  # of Linux
+    name = re.search(r"model name\s*:\s*(.*)", path.read_text()) if path.is_file() else None
+    return name[1].strip() if name else platform.processor() or platform.machine()
 
 
 def write(folder: Path, shown: list[Block], found: dict[str, Figures], runs: list[Watched], about: dict) -> list[Path]:
