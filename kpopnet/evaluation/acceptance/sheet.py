@@ -17,7 +17,7 @@ from kpopnet.camera import MM_PER_METRE
 from kpopnet.evaluation.acceptance.figures import exchanges, false_people, gaps, present
 from kpopnet.evaluation.acceptance.watched import Watched
 from kpopnet.evaluation.poses.metrics import joint_errors_m
-from kpopnet.evaluation.report import Block, as_markdown, write_text
+from kpopnet.evaluation.report import Block, Picture, as_markdown, write_text
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.provenance import git_revision
@@ -102,8 +102,7 @@ def _stated(value: float | int | None) -> float | int | str | None:
 def blocks(source: str, is_simulated: bool, found: dict[str, Figures], remarks: list[str]) -> list[Block]:
     """The sheet with what is needed to read it."""
     origin = ["SIMULATED depth of simulated people: no real sensor and no real person."] if is_simulated else []
-    texts: list[Block] = [("text", line) for line in (*origin, *remarks)]
-    return [("title", f"Acceptance sheet: {source}"), *texts, ("table", table(found)), ("text", MEANING)]
+    return [f"Acceptance sheet: {source}", *origin, *remarks, table(found), MEANING]
 
 
 MEANING = (
@@ -148,8 +147,8 @@ def write(folder: Path, shown: list[Block], found: dict[str, Figures], runs: lis
     if tiles:
         rows = [("", tiles[first : first + TILES_PER_ROW]) for first in range(0, len(tiles), TILES_PER_ROW)]
         styles = (ESTIMATED, TRUE) if any(run.truth_m is not None for run in runs) else (ESTIMATED,)
-        save_png(folder / "check.png", sheet(rows, styles, shown[0][1]))
-        shown = [*shown, ("figure", ("check.png", "Images to look at: what was missed, and the largest error"))]
+        save_png(folder / "check.png", sheet(rows, styles, str(shown[0])))
+        shown = [*shown, Picture("check.png", "Images to look at: what was missed, and the largest error")]
         written.append(folder / "check.png")
     write_text(folder / "check.md", as_markdown(shown))
     return written

@@ -52,17 +52,17 @@ def rating_report(dances: KpopSet, ratings: dict[str, list[Answer]], seed: int, 
         DEFINITIONS,
         INTERVALS,
     ]
-    blocks: list[Block] = [("title", f"Ratings of {name}"), *(("text", line) for line in remarks)]
     asked = {rater: [len(answers), sum(one.choice == "equal" for one in answers)] for rater, answers in ratings.items()}
-    for table in (
+    blocks: list[Block] = [
+        f"Ratings of {name}",
+        *remarks,
         Table(["agreement", "value", "dances"], [[what, _value(one, ""), one.dances] for what, one in agreement.items()]),
         Table(
             ["rater", "answers", "equal", "same answer", *COMPARED],
             [[rater, *asked[rater], _value(one["same"], "%"), *_compared(one)] for rater, one in raters.items()],
         ),
         Table(["scorer", *COMPARED], [[scorer, *_compared(one)] for scorer, one in scorers.items()]),
-    ):
-        blocks.append(("table", table))
+    ]
     made = {"git": git_revision(), "made": datetime.now(UTC).isoformat(timespec="seconds"), "seed": seed}
     figures = {"agreement": agreement, "raters": raters, "scorers": scorers}
     return blocks, plain({"set": name, "origin": origin.value, "joints": source, "failed_dances": failed, **figures, **made})

@@ -6,7 +6,7 @@ import numpy as np
 
 from kpopnet.datasets.protocol import Sequence
 from kpopnet.evaluation.poses.run import PoseRun
-from kpopnet.evaluation.report import save_view
+from kpopnet.evaluation.report import Picture, save_view
 from kpopnet.viz.drawing import ESTIMATED, TRUE, person_tile, sheet
 from kpopnet.viz.view_page import Shown
 
@@ -88,10 +88,10 @@ def worst_sequences(run: PoseRun) -> list[str]:
     return sorted(fractions, key=lambda name: 2.0 if fractions[name] is None else fractions[name])
 
 
-def save_views(run: PoseRun, names: list[str], folder: Path) -> dict[str, str]:
-    """Writes a page for each sequence, which shows it in 3D; the sequences by the pages' file names."""
-    views = {f"worst_{number}.html": name for number, name in enumerate(names, 1)}
-    for file, name in views.items():
+def save_views(run: PoseRun, names: list[str], folder: Path) -> list[Picture]:
+    """Writes a page for each sequence, which shows it in 3D."""
+    views = [Picture(f"worst_{number}.html", name) for number, name in enumerate(names, 1)]
+    for file, name in views:
         results, sequence = run.results[run.main], run.benchmark.read(name)
         results = results.select_frames(results.sequence == name)
         people = [
