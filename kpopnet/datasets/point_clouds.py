@@ -149,13 +149,6 @@ class PointCloudBenchmark:
         return frames
 
     @classmethod
-    def positions_m(cls, frame: np.ndarray) -> dict[int, np.ndarray]:
-        """(3,) position of each visible joint or marker of a frame in the files' axes, by its id."""
-        found = frame[cls.lists[-1]][: frame[f"n{cls.lists[-1]}"]]
-        found = found[np.isfinite(found["pos"]).all(axis=1) & cls.is_visible(found)]
-        return dict(zip(found["id"].tolist(), found["pos"], strict=True))
-
-    @classmethod
     def recording(cls, path: Path) -> PointRecording:
         """Reads a file, and warns of points that are left out; raises InputError as `frames` and `fit_camera`."""
         frames = cls.frames(path)
@@ -171,7 +164,9 @@ class PointCloudBenchmark:
             depth_m[number] = np.where(measured, -z_m, 0)
             if camera is None and measured.any():
                 camera = fit_camera(points_m, str(path))
-            for identity, position_m in cls.positions_m(frame).items():
+            found = frame[cls.lists[-1]][: frame[f"n{cls.lists[-1]}"]]
+            found = found[np.isfinite(found["pos"]).all(axis=1) & cls.is_visible(found)]
+            for identity, position_m in zip(found["id"].tolist(), found["pos"], strict=True):
                 track_m = positions_m.setdefault(identity, np.full((len(frames), 3), np.nan, np.float32))
                 track_m[number] = position_m * FROM_OPENGL
         if camera is None:
