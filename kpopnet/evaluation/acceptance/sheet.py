@@ -113,14 +113,11 @@ MEANING = (
 
 def machine() -> dict:
     """What the delays depend on."""
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0  # not known on this system
-    return {"processor": _processor(), "cores": os.cpu_count(), "usable_cores": available_cores(), "load": load}
-
-
-def _processor() -> str:
     path = Path("/proc/cpuinfo")  # of Linux
     name = re.search(r"model name\s*:\s*(.*)", path.read_text()) if path.is_file() else None
-    return name[1].strip() if name else platform.processor() or platform.machine()
+    processor = name[1].strip() if name else platform.processor() or platform.machine()
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0  # not known on this system
+    return {"processor": processor, "cores": os.cpu_count(), "usable_cores": available_cores(), "load": load}
 
 
 def write(folder: Path, shown: list[Block], found: dict[str, Figures], runs: list[Watched], about: dict) -> list[Path]:

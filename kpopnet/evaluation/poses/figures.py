@@ -24,7 +24,7 @@ def joint_bars(run: PoseRun) -> Figure:
     for panel, key, unit in ((error, "mean_error_cm", 1), (within, "map_10cm", 100)):
         for position, (name, metrics) in enumerate(run.metrics.items()):
             parts = [*metrics["per_joint"].values(), metrics, metrics["paper_joints"]]
-            heights = [np.nan if part[key] is None else unit * part[key] for part in parts]
+            heights = unit * np.array([part[key] for part in parts], float)  # NaN for None
             x = np.arange(len(heights)) + width * (position - (len(run.metrics) - 1) / 2)
             panel.bar(x, heights, width, label=name)
     published = published_on(run.benchmark)
@@ -64,8 +64,7 @@ def sequence_bars(run: PoseRun, names: list[str]) -> Figure:
         x = np.arange(len(names)) + 0.7 / len(shown) * (position - (len(shown) - 1) / 2)
         parts = [metrics["per_sequence"][sequence] for sequence in names]
         means, deviations = (
-            np.array([np.nan if part[key] is None else part[key] for part in parts])
-            for key in ("average_pose_error_cm", "pose_error_deviation_cm")
+            np.array([part[key] for part in parts], float) for key in ("average_pose_error_cm", "pose_error_deviation_cm")
         )
         downwards = np.minimum(means, deviations)  # an error is not negative
         panel.errorbar(x, means, (downwards, deviations), fmt="o", markersize=4, linewidth=1.2, capsize=2, label=name)
