@@ -2,17 +2,29 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from kpopnet.datasets.protocol import Origin
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses import tables
 from kpopnet.evaluation.poses.confidence import BINS
-from kpopnet.evaluation.poses.figures import confidence_figure, error_curve, joint_bars, sequence_bars
-from kpopnet.evaluation.poses.pictures import examples_sheet, save_views, worst_sequences
+from kpopnet.evaluation.poses.figures import confidence_figure, error_curve, examples_sheet, joint_bars, sequence_bars
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
 from kpopnet.evaluation.registry import build_benchmark, build_estimators
-from kpopnet.evaluation.report import SIMULATED, Block, Heading, Picture, Report, future_remark, interval_remarks, save_plots
+from kpopnet.evaluation.report import (
+    SIMULATED,
+    Block,
+    Heading,
+    Picture,
+    Report,
+    future_remark,
+    interval_remarks,
+    save_plots,
+    save_view,
+)
 from kpopnet.viz.drawing import save_png
+from kpopnet.viz.view_page import Shown
 
 MAX_LISTED_SEQUENCES = 40
 VIEWS = 3
@@ -69,11 +81,12 @@ def pose_report(run: PoseRun, folder: Path, seed: int, sweep: Sweep | None = Non
     """
     folder.mkdir(parents=True, exist_ok=True)
     run, all_metrics = run.without(sweep.settings if sweep else ()), run.metrics
-    by_worst = worst_sequences(run)
+    fractions = {name: part["map_10cm"] for name, part in run.metrics[run.main]["per_sequence"].items()}
+    by_worst = sorted(fractions, key=lambda name: np.inf if fractions[name] is None else fractions[name])
     listed = by_worst[:MAX_LISTED_SEQUENCES]
     plots = {"per_joint": joint_bars(run), "error_curve": error_curve(run), "confidence": confidence_figure(run)}
     if len(listed) > 1:
-        plots["per_sequence"] = sequence_bars(run, sorted(listed, key=list(run.metrics[run.main]["per_sequence"]).index))
+        plots["per_sequence"] = sequence_bars(run, [name for name in fractions if name in listed])
     save_plots(folder, plots)
     save_png(folder / "examples.png", examples_sheet(run, seed))
     pictures = ["examples.png", *(f"{name}.png" for name in plots)]
@@ -203,3 +216,18 @@ def _sequence_blocks(run: PoseRun, listed: list[str], views: list[Picture]) -> l
             tables.by_part("by_yaw", run.metrics, sectors),
         ]
     return blocks
+
+
+def save_views(run: PoseRun, names: list[str], folder: Path) -> list[Picture]:
+    """Writes a page for each sequence, which shows it in 3D."""
+    views = [Picture(f"worst_{number}.html", name) for number, name in enumerate(names, 1)]
+    for file, name in views:
+        results, sequence = run.results[run.main], run.benchmark.read(name)
+        results = results.select_frames(results.sequence == name)
+        people = [
+            Shown(results.estimate_m, np.nan_to_num(results.confidence), run.main),
+            Shown(results.truth_m, np.ones(results.truth_m.shape[:2]), "true joints", reference=True),
+        ]
+        title = f"{name}: {run.main} on {run.benchmark.origin.value} depth"
+        save_view(folder / file, title, sequence.camera, sequence.fps, sequence.depth_m, people, len(names))
+    return views
