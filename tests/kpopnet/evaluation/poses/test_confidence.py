@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 from pose_results import results_of_errors as results
 
-from kpopnet.evaluation.poses.confidence import (
-    Judged,
-    evaluate_confidence,
-    risk_curve_m,
-)
+from kpopnet.evaluation.poses.confidence import Judged, evaluate_confidence, risk_curve_m
 
 
 def honest(rng: np.random.Generator, frames: int) -> tuple[np.ndarray, np.ndarray]:
