@@ -171,9 +171,8 @@ def figures(parts: list[MatchedSequence], seed: int) -> dict:
     their share; `interval`: 95 % intervals over sequences; `fps`: images a second of one core, all stages.
     """
     sums = [_sums(part) for part in parts]
-    above, below = (np.array([[pair[end] for pair in one.values()] for one in sums]) for end in (0, 1))
+    columns = {name: np.array([one[name] for one in sums], float).T[..., None] for name in sums[0]}  # (2, N, 1)
     bootstrap = Bootstrap(np.arange(len(parts)), seed)
-    columns = {name: (above[:, k : k + 1], below[:, k : k + 1]) for k, name in enumerate(sums[0])}
 
     def total(count: Callable[[MatchedSequence], int]) -> int:
         return int(sum(count(part) for part in parts))
