@@ -156,12 +156,12 @@ def _named_tables(blocks: list[Block]) -> dict[str, Table]:
     return tables
 
 
-def as_text(blocks: Iterable[Block]) -> str:
+def as_text(blocks: Iterable[str | Table]) -> str:
     """Texts and tables for a terminal."""
     return printable("\n\n".join(block.text() if isinstance(block, Table) else block for block in blocks))
 
 
-def as_markdown(blocks: list[Block]) -> str:
+def as_markdown(blocks: Sequence[Block]) -> str:
     def element(block: Block) -> str:
         if isinstance(block, str):
             return f"## {block}" if isinstance(block, Heading) else block
@@ -172,7 +172,7 @@ def as_markdown(blocks: list[Block]) -> str:
     return "# " + "\n\n".join(map(element, blocks)) + "\n"
 
 
-def as_html(blocks: list[Block], folder: Path | None = None) -> str:
+def as_html(blocks: Sequence[Block], folder: Path | None = None) -> str:
     """A page that contains the files in `folder`, or links them without it."""
     title, body = html.escape(str(blocks[0])), "\n".join(_element(block, folder) for block in blocks[1:])
     return PAGE.format(title=title, body=f"<h1>{title}</h1>\n{body}")

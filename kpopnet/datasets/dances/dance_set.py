@@ -259,7 +259,7 @@ def read_manifest(folder: Path) -> Manifest:
     except InputError as error:
         raise InputError(f"{error}: not a manifest; delete it, or make the set again") from error
     origin = Origin.SIMULATED if given.get("simulated") else Origin.REAL
-    described = {"name": folder.name, "about": ""} | {name: given[name] for name in kept if name in given}
+    described: dict = {"name": folder.name, "about": ""} | {name: given[name] for name in kept if name in given}
     return Manifest(origin=origin, **described)
 
 
