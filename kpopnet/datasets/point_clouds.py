@@ -72,6 +72,10 @@ class PointCloudBenchmark:
         if (self.folder / "manifest.json").exists():  # of a set that `synth` wrote
             raise InputError(f"{self.folder}: simulated according to its manifest.json, and not {self.set_name}")
         self._names, self._ids = self.names_in(self.folder), checked_map(config.joints)
+        if not self._names:
+            raise InputError(
+                f"{self.folder}: no sequence of {self.set_name} in it; give the folder that holds {self.first_file}"
+            )
         if not self._ids:
             raise InputError(
                 f"benchmark={self.name} needs benchmark.joints, the map from joints to ids in the files, for instance "
@@ -116,11 +120,9 @@ class PointCloudBenchmark:
 
     @classmethod
     def names_in(cls, folder: Path) -> list[str]:
-        """Names of the sequences in a folder, ordered by number; raises InputError if there are none."""
+        """Names of the sequences in a folder, ordered by number."""
         names = (path.name.removesuffix(cls.suffix) for path in folder.glob(f"*{cls.suffix}"))
         matches = [match for name in names if (match := cls.name_pattern.fullmatch(name))]
-        if not matches:
-            raise InputError(f"{folder}: no sequence of {cls.set_name} in it; give the folder that holds {cls.first_file}")
         return [match[0] for match in sorted(matches, key=lambda match: (int(match["number"]), match[0]))]
 
     @classmethod
