@@ -29,9 +29,8 @@ def recognised(path: Path) -> tuple[type[PointCloudBenchmark], Path]:
         raise InputError(f"{path}: no such file or folder")
     folder = path.parent if path.is_file() else path
     for kind in SETS:
-        names = [one.name.removesuffix(kind.suffix) for one in folder.glob(f"*{kind.suffix}")]
-        if any(map(kind.name_pattern.fullmatch, names)):
-            return kind, path if path.is_file() else kind.path(folder, kind.names_in(folder)[0])
+        if names := kind.names_in(folder):
+            return kind, path if path.is_file() else kind.path(folder, names[0])
     found = ", ".join(sorted(entry.name for entry in folder.iterdir())[:5]) or "nothing"
     raise InputError(
         f"{folder}: expected sequences of {' or '.join(kind.set_name for kind in SETS)}, whose joints have ids, found {found}; "

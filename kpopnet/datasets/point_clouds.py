@@ -72,6 +72,10 @@ class PointCloudBenchmark:
         if (self.folder / "manifest.json").exists():  # of a set that `synth` wrote
             raise InputError(f"{self.folder}: simulated according to its manifest.json, and not {self.set_name}")
         self._names, self._ids = self.names_in(self.folder), checked_map(config.joints)
+        if not self._names:
+            raise InputError(
+                f"{self.folder}: no sequence of {self.set_name} in it; give the folder that holds {self.first_file}"
+            )
         if not self._ids:
             raise InputError(
                 f"benchmark={self.name} needs benchmark.joints, the map from joints to ids in the files, for instance "
@@ -116,11 +120,9 @@ class PointCloudBenchmark:
 
     @classmethod
     def names_in(cls, folder: Path) -> list[str]:
-        """Names of the sequences in a folder, ordered by number; raises InputError if there are none."""
+        """Names of the sequences in a folder, ordered by number."""
         names = (path.name.removesuffix(cls.suffix) for path in folder.glob(f"*{cls.suffix}"))
         matches = [match for name in names if (match := cls.name_pattern.fullmatch(name))]
-        if not matches:
-            raise InputError(f"{folder}: no sequence of {cls.set_name} in it; give the folder that holds {cls.first_file}")
         return [match[0] for match in sorted(matches, key=lambda match: (int(match["number"]), match[0]))]
 
     @classmethod
@@ -149,13 +151,6 @@ class PointCloudBenchmark:
         return frames
 
     @classmethod
-    def positions_m(cls, frame: np.ndarray) -> dict[int, np.ndarray]:
-        """(3,) position of each visible joint or marker of a frame in the files' axes, by its id."""
-        found = frame[cls.lists[-1]][: frame[f"n{cls.lists[-1]}"]]
-        found = found[np.isfinite(found["pos"]).all(axis=1) & cls.is_visible(found)]
-        return dict(zip(found["id"].tolist(), found["pos"], strict=True))
-
-    @classmethod
     def recording(cls, path: Path) -> PointRecording:
         """Reads a file, and warns of points that are left out; raises InputError as `frames` and `fit_camera`."""
         frames = cls.frames(path)
@@ -171,7 +166,9 @@ class PointCloudBenchmark:
             depth_m[number] = np.where(measured, -z_m, 0)
             if camera is None and measured.any():
                 camera = fit_camera(points_m, str(path))
-            for identity, position_m in cls.positions_m(frame).items():
+            found = frame[cls.lists[-1]][: frame[f"n{cls.lists[-1]}"]]
+            found = found[np.isfinite(found["pos"]).all(axis=1) & cls.is_visible(found)]
+            for identity, position_m in zip(found["id"].tolist(), found["pos"], strict=True):
                 track_m = positions_m.setdefault(identity, np.full((len(frames), 3), np.nan, np.float32))
                 track_m[number] = position_m * FROM_OPENGL
         if camera is None:

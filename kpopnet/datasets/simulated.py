@@ -116,9 +116,13 @@ class SimulatedSet:
         """Lists the sequences; raises InputError if there are none of this set, or the manifest is invalid."""
         self.name, self.folder = config.name, config.folder(f"the folder that `python -m synth benchmark={config.name}` wrote")
         make = f"`python -m synth benchmark={config.name} out={self.folder}` makes the set"
-        if not (self.folder / MANIFEST).exists():
+        if not (path := self.folder / MANIFEST).exists():
             raise InputError(f"{self.folder}: no {MANIFEST} in it; {make}")
-        manifest = read_manifest(self.folder)
+        try:
+            manifest = check_fields(str(path), read_json(path, non_finite=True), MANIFEST_SCHEMA)
+            expect(manifest["simulated"], str(path), "a set that is called simulated")
+        except InputError as error:
+            raise InputError(f"{error}; make the set again") from error
         if manifest["benchmark"] != config.name:
             raise InputError(f"{self.folder}: holds {manifest['benchmark']}, not {config.name}")
         found = [path.stem for path in self.folder.glob("*.h5")]
@@ -178,14 +182,3 @@ class PeopleSet(SimulatedSet):
         in_order = bool(((stored.seen_px >= 0) & (stored.seen_px <= full_px)).all())
         expect(in_order, f"{path}: seen_px", "at least 0 and at most alone_px or whole_px")
         return stored
-
-
-def read_manifest(folder: Path) -> dict:
-    """Reads the manifest of a set; raises InputError if it is damaged or does not call the set simulated."""
-    path = folder / MANIFEST
-    try:
-        manifest = check_fields(str(path), read_json(path, non_finite=True), MANIFEST_SCHEMA)
-        expect(manifest["simulated"], str(path), "a set that is called simulated")
-    except InputError as error:
-        raise InputError(f"{error}; make the set again") from error
-    return manifest

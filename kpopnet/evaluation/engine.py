@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -24,21 +24,16 @@ Row = TypeVar("Row")
 WARM_UP_FRAMES = 30
 
 
-class Failure(NamedTuple):
-    """Why an item is left out, in one line."""
-
-    reason: str
-
-
-def _guarded(work: Callable[[str], Row], name: str) -> Row | Failure:
+def _guarded(work: Callable[[str], Row], name: str) -> tuple[Row | None, str | None]:
+    """What the work gives for a name, or why it is left out, in one line."""
     try:
-        return work(name)
+        return work(name), None
     except Exception as error:
         text = str(error)
         if not isinstance(error, InputError):
             log.exception("%s failed", name)
             text = f"{type(error).__name__}: {error}"
-        return Failure(": ".join([*reversed(getattr(error, "__notes__", [])), text]))
+        return None, ": ".join([*reversed(getattr(error, "__notes__", [])), text])
 
 
 @contextmanager
@@ -58,18 +53,18 @@ def run(work: Callable[[str], Row], names: list[str], processes: int, where: str
     are computed from. `where` is the benchmark, for the progress bar and messages. The results are what it gave for each name,
     and why the others are left out, both in the order given. Raises InputError if every item failed, or a process died.
     """
-    outcomes: dict[str, Row | Failure] = {}
+    outcomes = {}
     with tqdm(total=len(names), desc=where) as bar:
-        for index, outcome in in_processes(partial(_guarded, work), names, processes):
-            outcomes[names[index]] = outcome
-            if isinstance(outcome, Failure):
-                bar.write(f"left out {names[index]}: {outcome.reason}", file=sys.stderr)
+        for index, (row, reason) in in_processes(partial(_guarded, work), names, processes):
+            outcomes[index] = row, reason
+            if reason is not None:
+                bar.write(f"left out {names[index]}: {reason}", file=sys.stderr)
             bar.update()
-    failed = {name: one.reason for name in names if isinstance(one := outcomes[name], Failure)}
+    in_order = [(name, *outcomes[index]) for index, name in enumerate(names)]
+    failed = {name: reason for name, _, reason in in_order if reason is not None}
     if len(failed) == len(names):
-        name, reason = next(iter(failed.items()))
-        raise InputError(f"{where}: none of {len(names)} gave figures; {name}: {reason}")
-    return {name: one for name in names if not isinstance(one := outcomes[name], Failure)}, failed
+        raise InputError(f"{where}: none of {len(names)} gave figures; {names[0]}: {failed[names[0]]}")
+    return {name: row for name, row, reason in in_order if reason is None}, failed
 
 
 class Timed:

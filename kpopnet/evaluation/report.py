@@ -4,15 +4,14 @@ import base64
 import hashlib
 import html
 import json
-import math
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,9 +24,20 @@ from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
 
-Block = tuple[str, Any]
-"""Kind and content of a part of a report: a title, heading or text with its string; a table with its Table; a figure or a view
-(a page in 3D) with the name of its file, relative to the report, and a caption."""
+
+class Heading(str):
+    """A block that begins a section."""
+
+
+class Picture(NamedTuple):
+    """A block: a figure or, in a file .html, a view in 3D."""
+
+    file: str  # its name, relative to the report
+    caption: str
+
+
+Block = str | Table | Picture
+"""A part of a report; a plain string is a paragraph, or the title if it is the first of a page."""
 
 SIMULATED = "No real sensor recorded this depth: these results do not predict the errors on real depth."
 
@@ -65,7 +75,7 @@ class Report:
 
     def text(self) -> str:
         """For a terminal."""
-        return printable("\n\n".join(["\n".join(self.remarks), *(table.text() for table in self.printed)]) + "\n")
+        return as_text(["\n".join(self.remarks), *self.printed]) + "\n"
 
 
 def future_remark(later: Sequence[str]) -> list[str]:
@@ -96,7 +106,7 @@ def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
     settings, git = asdict(config), git_revision()
     made = {
         "files": config.files(),
-        "config": _non_finite_as_text(settings),
+        "config": json.loads(json.dumps(settings), parse_constant=lambda name: str(float(name))),  # "inf": JSON has no number
         "config_hash": hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:12],
         "git": git,
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -110,8 +120,7 @@ def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
         f"Files read by the estimators: {', '.join(files) or 'none'}; configuration {made['config_hash']}; code {code}; "
         f"{made['made']}. All metrics: metrics.json. {report.clock}"
     )
-    blocks: list[Block] = [("title", report.title), *(("text", line) for line in report.remarks), *report.blocks]
-    blocks += [("heading", "How this report was made"), ("text", how)]
+    blocks = [report.title, *report.remarks, *report.blocks, Heading("How this report was made"), how]
     for place in (folder, folder / "tables"):
         remove_unfinished(place, ".*.tmp")  # of this report's evaluations, which were killed
     write_text(folder / "report.md", as_markdown(blocks))
@@ -135,58 +144,55 @@ def printable(text: str) -> str:
     return text.encode(encoding, "backslashreplace").decode(encoding)
 
 
-def _non_finite_as_text(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _non_finite_as_text(one) for name, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_non_finite_as_text(one) for one in value]
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def _named_tables(blocks: list[Block]) -> dict[str, Table]:
     """The tables by the heading above them, with a number from the second one on."""
     name, tables = "summary", {}
-    for kind, content in blocks:
-        if kind == "heading":
-            name = re.sub(r"[^a-z0-9]+", "_", content.lower()).strip("_")[:60] or "table"
-        elif kind == "table":
+    for block in blocks:
+        if isinstance(block, Heading):
+            name = re.sub(r"[^a-z0-9]+", "_", block.lower()).strip("_")[:60] or "table"
+        elif isinstance(block, Table):
             numbered = (name if number == 1 else f"{name}_{number}" for number in count(1))
-            tables[next(one for one in numbered if one not in tables)] = content
+            tables[next(one for one in numbered if one not in tables)] = block
     return tables
 
 
-def as_markdown(blocks: list[Block]) -> str:
-    """The blocks as Markdown."""
-    marks = {"title": "# ", "heading": "## ", "text": ""}
-
-    def element(kind: str, content: Any) -> str:
-        if kind in marks:
-            return marks[kind] + content
-        return content.markdown() if kind == "table" else f"{'!' if kind == 'figure' else ''}[{content[1]}]({content[0]})"
-
-    return "\n\n".join(element(*block) for block in blocks) + "\n"
+def as_text(blocks: Iterable[str | Table]) -> str:
+    """Texts and tables for a terminal."""
+    return printable("\n\n".join(block.text() if isinstance(block, Table) else block for block in blocks))
 
 
-def as_html(blocks: list[Block], folder: Path | None = None) -> str:
-    """The blocks, the first of them a title, as a page that contains the files in `folder`, or links them without it."""
-    return PAGE.format(title=html.escape(blocks[0][1]), body="\n".join(_element(*block, folder) for block in blocks))
+def as_markdown(blocks: Sequence[Block]) -> str:
+    def element(block: Block) -> str:
+        if isinstance(block, str):
+            return f"## {block}" if isinstance(block, Heading) else block
+        if isinstance(block, Table):
+            return block.markdown()
+        return f"{'' if block.file.endswith('.html') else '!'}[{block.caption}]({block.file})"
+
+    return "# " + "\n\n".join(map(element, blocks)) + "\n"
 
 
-def _element(kind: str, content: Any, folder: Path | None) -> str:
-    tags = {"title": "h1", "heading": "h2", "text": "p"}
-    if kind in tags:
-        return f"<{tags[kind]}>{html.escape(content)}</{tags[kind]}>"
-    if kind == "table":
-        return content.html()
-    name, caption = content[0], html.escape(content[1])
-    path = None if folder is None else folder / name
-    contained = path is not None and path.is_file() and path.stat().st_size <= MOST_EMBEDDED_BYTES
-    if kind == "figure":
-        source = f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}" if contained else html.escape(name)
+def as_html(blocks: Sequence[Block], folder: Path | None = None) -> str:
+    """A page that contains the files in `folder`, or links them without it."""
+    title, body = html.escape(str(blocks[0])), "\n".join(_element(block, folder) for block in blocks[1:])
+    return PAGE.format(title=title, body=f"<h1>{title}</h1>\n{body}")
+
+
+def _element(block: Block, folder: Path | None) -> str:
+    if isinstance(block, str):
+        tag = "h2" if isinstance(block, Heading) else "p"
+        return f"<{tag}>{html.escape(block)}</{tag}>"
+    if isinstance(block, Table):
+        return block.html()
+    name, caption = map(html.escape, block)
+    path = None if folder is None else folder / block.file
+    content = path.read_bytes() if path and path.is_file() and path.stat().st_size <= MOST_EMBEDDED_BYTES else None
+    if not block.file.endswith(".html"):
+        source = name if content is None else f"data:image/png;base64,{base64.b64encode(content).decode()}"
         return f'<p><img src="{source}" alt="{caption}"></p>'
-    if not contained:
-        return f'<p><a href="{html.escape(name)}">{caption}</a></p>'
-    page = html.escape(path.read_text(encoding="utf-8"))  # in a frame of its own, whose program reaches nothing else
+    if content is None:
+        return f'<p><a href="{name}">{caption}</a></p>'
+    page = html.escape(content.decode())  # in a frame of its own, whose program reaches nothing else
     return f'<p>{caption}</p>\n<iframe sandbox="allow-scripts" loading="lazy" title="{caption}" srcdoc="{page}"></iframe>'
 
 

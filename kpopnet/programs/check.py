@@ -31,7 +31,7 @@ from kpopnet.errors import InputError, check_between
 from kpopnet.evaluation.acceptance.figures import figures
 from kpopnet.evaluation.acceptance.sheet import blocks, machine, moments, write
 from kpopnet.evaluation.acceptance.watched import EMPTY_M2, IN_VIEW_M2, Kept, Truth, Watched, stored_truth, surfaces_m2
-from kpopnet.evaluation.report import printable
+from kpopnet.evaluation.report import as_text
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.programs.arguments import OF_RECORDINGS, add_depth, check_not_given, opener, program_parser
 from kpopnet.runtime.compilation import announce_compilation
@@ -291,7 +291,7 @@ def main() -> None:
     before = "{processor}, {usable_cores} of {cores} cores, load {load:.1f}".format(**machine_before)
     about = {"source": given.source, "simulated": is_simulated, "as_fast": given.as_fast, "runs": len(runs)}
     shown = blocks(Path(given.source).name, is_simulated, found, [f"Images came {fed}; {before}."])
-    print(printable("\n\n".join(content.text() if kind == "table" else content for kind, content in shown)))
+    print(as_text(shown))
     if given.out is not None:
         with locked(given.out):
             written = write(given.out, shown, found, runs, about | {"machine": machine_before})

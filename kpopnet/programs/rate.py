@@ -75,14 +75,13 @@ def serve(given: argparse.Namespace, dances: KpopSet) -> None:
 def report(given: argparse.Namespace, dances: KpopSet, learners: dict[str, list[str]]) -> None:
     """Prints the report and writes ratings.html and ratings.json."""
     from kpopnet.evaluation.dances.rating_report import rating_report
-    from kpopnet.evaluation.report import as_html, printable, write_text
+    from kpopnet.evaluation.report import as_html, as_text, write_text
 
     blocks, figures = rating_report(dances, read_all_ratings(dances.folder, learners), given.seed, available_cores())
     with locked(given.out):
         write_text(given.out / "ratings.html", as_html(blocks))
         write_text(given.out / "ratings.json", json.dumps(figures, indent=1, allow_nan=False) + "\n")
-    told = [content.text() if kind == "table" else content for kind, content in blocks]
-    print(printable("\n\n".join([*told, f"look at {given.out / 'ratings.html'}"])))
+    print(as_text([*blocks, f"look at {given.out / 'ratings.html'}"]))
 
 
 def label(dances: KpopSet, learners: dict[str, list[str]]) -> None:

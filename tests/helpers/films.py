@@ -17,14 +17,13 @@ class Films:
     """A benchmark of three sequences, in which a square in place of a person moves to the right.
 
     The sixth frame has no label. Sequences named in `single` have one frame; `unlabelled` joints have no label in those of
-    `without_labels`; `damaged` ones cannot be read; `identities` are those of the people.
+    `without_labels`; `identities` are those of the people.
     """
 
     truth, about = "made-up joints", "Made up."
 
     def __init__(self, name: str = "films", origin: Origin = Origin.SIMULATED, fps: float = 30.0, is_segmented: bool = True):
         self.name, self.origin, self.fps, self.is_segmented = name, origin, fps, is_segmented
-        self.damaged: dict[str, Exception] = {}
         self.single: tuple[str, ...] = ()
         self.without_labels: dict[str, list[int]] = {}
         self.identities: dict[str, str] = {}
@@ -33,8 +32,6 @@ class Films:
         return list(OFF_M)
 
     def read(self, name: str) -> Sequence:
-        if name in self.damaged:
-            raise self.damaged[name]
         joints = POSE_M + np.linspace(0, 0.5, FRAMES)[:, None, None] * np.array([1, 0, 0])
         joints = joints.astype(np.float32)
         joints[5] = np.nan

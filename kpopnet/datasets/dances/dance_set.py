@@ -247,24 +247,20 @@ class Manifest:
     independent: bool = True  # whether each dance is another one; excerpts of few recordings are not
 
 
-FLAGS = ("ordered", "independent")
-
-
 def read_manifest(folder: Path) -> Manifest:
     """Reads the manifest of a folder. A folder without manifest counts as a real set without description."""
     path = folder / MANIFEST
     if not path.is_file():
         return Manifest(folder.name, Origin.REAL, "A set without a manifest.json: its origin is not documented.")
-    known = {"simulated": bool, "name": str, "about": str, "dances": int | None, "hash": str}
-    known |= dict.fromkeys(FLAGS, bool)
+    kept = {"name": str, "about": str, "dances": int | None, "hash": str, "ordered": bool, "independent": bool}
+    known = {"simulated": bool} | kept
     try:
-        manifest = check_fields(str(path), read_json(path), known, optional=known)
+        given = check_fields(str(path), read_json(path), known, optional=known)
     except InputError as error:
         raise InputError(f"{error}: not a manifest; delete it, or make the set again") from error
-    origin = Origin.SIMULATED if manifest.get("simulated") else Origin.REAL
-    name, about = manifest.get("name", folder.name), manifest.get("about", "")
-    flags = {flag: manifest.get(flag, True) for flag in FLAGS}
-    return Manifest(name, origin, about, manifest.get("dances"), manifest.get("hash", ""), **flags)
+    origin = Origin.SIMULATED if given.get("simulated") else Origin.REAL
+    described: dict = {"name": folder.name, "about": ""} | {name: given[name] for name in kept if name in given}
+    return Manifest(origin=origin, **described)
 
 
 def read_performance(path: Path) -> Performance | None:

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import platform
+import re
 from collections.abc import Callable
 from datetime import UTC, datetime
 from operator import ge, le
@@ -16,7 +17,7 @@ from kpopnet.camera import MM_PER_METRE
 from kpopnet.evaluation.acceptance.figures import exchanges, false_people, gaps, present
 from kpopnet.evaluation.acceptance.watched import Watched
 from kpopnet.evaluation.poses.metrics import joint_errors_m
-from kpopnet.evaluation.report import Block, as_markdown, write_text
+from kpopnet.evaluation.report import Picture, as_markdown, write_text
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.provenance import git_revision
@@ -98,11 +99,10 @@ def _stated(value: float | int | None) -> float | int | str | None:
     return "never" if value is not None and math.isinf(value) else value
 
 
-def blocks(source: str, is_simulated: bool, found: dict[str, Figures], remarks: list[str]) -> list[Block]:
+def blocks(source: str, is_simulated: bool, found: dict[str, Figures], remarks: list[str]) -> list[str | Table]:
     """The sheet with what is needed to read it."""
     origin = ["SIMULATED depth of simulated people: no real sensor and no real person."] if is_simulated else []
-    texts: list[Block] = [("text", line) for line in (*origin, *remarks)]
-    return [("title", f"Acceptance sheet: {source}"), *texts, ("table", table(found)), ("text", MEANING)]
+    return [f"Acceptance sheet: {source}", *origin, *remarks, table(found), MEANING]
 
 
 MEANING = (
@@ -113,21 +113,14 @@ MEANING = (
 
 def machine() -> dict:
     """What the delays depend on."""
+    path = Path("/proc/cpuinfo")  # of Linux
+    name = re.search(r"model name\s*:\s*(.*)", path.read_text()) if path.is_file() else None
+    processor = name[1].strip() if name else platform.processor() or platform.machine()
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0  # not known on this system
-    return {"processor": _processor(), "cores": os.cpu_count(), "usable_cores": available_cores(), "load": load}
+    return {"processor": processor, "cores": os.cpu_count(), "usable_cores": available_cores(), "load": load}
 
 
-def _processor() -> str:
-    try:
-        names = [
-            line.partition(":")[2].strip() for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line
-        ]
-    except OSError:
-        names = []
-    return names[0] if names else platform.processor() or platform.machine()
-
-
-def write(folder: Path, shown: list[Block], found: dict[str, Figures], runs: list[Watched], about: dict) -> list[Path]:
+def write(folder: Path, shown: list[str | Table], found: dict[str, Figures], runs: list[Watched], about: dict) -> list[Path]:
     """Writes check.md, check.json and, where there are `moments`, check.png into a folder; returns their paths.
 
     `about` are other entries of the JSON file.
@@ -147,14 +140,14 @@ def write(folder: Path, shown: list[Block], found: dict[str, Figures], runs: lis
     write_text(folder / "check.json", json.dumps(about | {"sheet": entries} | made, indent=1, allow_nan=False) + "\n")
     written = [folder / "check.md", folder / "check.json"]
     tiles = [tile(run, number, caption) for run in runs for number, caption in moments(run) if number in run.images]
-    tiles = tiles[:MOST_TILES]
+    tiles, pictures = tiles[:MOST_TILES], []
     if tiles:
         rows = [("", tiles[first : first + TILES_PER_ROW]) for first in range(0, len(tiles), TILES_PER_ROW)]
         styles = (ESTIMATED, TRUE) if any(run.truth_m is not None for run in runs) else (ESTIMATED,)
-        save_png(folder / "check.png", sheet(rows, styles, shown[0][1]))
-        shown = [*shown, ("figure", ("check.png", "Images to look at: what was missed, and the largest error"))]
+        save_png(folder / "check.png", sheet(rows, styles, str(shown[0])))
+        pictures = [Picture("check.png", "Images to look at: what was missed, and the largest error")]
         written.append(folder / "check.png")
-    write_text(folder / "check.md", as_markdown(shown))
+    write_text(folder / "check.md", as_markdown([*shown, *pictures]))
     return written
 
 

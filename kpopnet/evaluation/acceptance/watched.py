@@ -11,7 +11,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.datasets.simulated import FORMAT, read_sequence
 from kpopnet.errors import InputError
-from kpopnet.evaluation.people.metrics import LEAST_IN_SIGHT
+from kpopnet.evaluation.people.metrics import sight
 
 WIDTH_PX = 160
 """Images are kept at most so wide."""
@@ -100,6 +100,5 @@ def stored_truth(path: Path) -> Truth | None:
         raise InputError(
             f"{path}: expected a film of one person with seen_px and whole_px, as `python -m synth benchmark=check_sim` makes"
         )
-    seen_px, whole_px = stored.seen_px[:, 0], stored.whole_px[:, 0]
-    in_view = (seen_px > 0) & (seen_px >= LEAST_IN_SIGHT * whole_px)
-    return Truth(stored.kind, stored.joints_m[:, 0], in_view, seen_px == 0)
+    in_view, _ = sight(stored)
+    return Truth(stored.kind, stored.joints_m[:, 0], in_view[:, 0], stored.seen_px[:, 0] == 0)

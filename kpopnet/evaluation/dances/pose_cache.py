@@ -18,7 +18,7 @@ import kpopnet
 from kpopnet.dance.performance import Performance, mask_missing_joints
 from kpopnet.datasets.dances.dance_set import Dance, Learner
 from kpopnet.errors import InputError
-from kpopnet.estimator import first_label
+from kpopnet.estimator import first_label, starts_from_label
 from kpopnet.evaluation.engine import Timed
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.networks import META
@@ -48,7 +48,7 @@ class PoseCache:
 
     def __init__(self, folder: Path, name: str, settings: Any) -> None:
         """Builds the estimator; `folder` is that of the cached poses of all. Raises InputError if a file of it is missing."""
-        self.settings, self.folder = settings, folder / f"{name}-{estimator_key(settings)}"
+        self.folder = folder / f"{name}-{estimator_key(settings)}"
         self._estimator = build_estimators({name: settings})[name]
         self._estimate = Timed(self._estimator.estimate, self._estimator)
 
@@ -57,13 +57,9 @@ class PoseCache:
         parts = [dance.name, learner.name, learner.depth_key]
         if isinstance(self._estimator, PersonEstimator):
             parts.append(f"{_fps(learner):g}fps")
-        if self._starts_from_label and (truth := learner.joints()) is not None:
+        if starts_from_label(self._estimator) and (truth := learner.joints()) is not None:
             parts.append(hashlib.sha256(truth.joints_m.tobytes()).hexdigest()[:10])
         return self.folder / f"{'.'.join(parts)}.npz"
-
-    @property
-    def _starts_from_label(self) -> bool:
-        return getattr(self.settings, "start", None) == "label"
 
     def poses(self, dance: Dance, learner: Learner) -> tuple[Performance, float]:
         """The estimated joints of a learner and the time of their estimation in seconds; estimates them if not cached.
@@ -90,7 +86,7 @@ class PoseCache:
         clip, start = learner.depth(), {}
         if isinstance(self._estimator, PersonEstimator):
             self._estimator.fps = _fps(learner)
-        if self._starts_from_label:
+        if starts_from_label(self._estimator):
             truth = learner.joints()
             expect(truth is not None, str(learner.path), "true joints, from which start=label starts")
             start = {"start": first_label(truth.joints_m)}

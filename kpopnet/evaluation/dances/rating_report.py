@@ -13,7 +13,6 @@ from kpopnet.evaluation.dances.raters import Estimate, against, alpha, consisten
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.evaluation.registry import BestConfig
-from kpopnet.evaluation.report import Block
 from kpopnet.evaluation.values import Table, Value, plain
 from kpopnet.runtime.provenance import git_revision
 
@@ -32,7 +31,9 @@ INTERVALS = (
 )
 
 
-def rating_report(dances: KpopSet, ratings: dict[str, list[Answer]], seed: int, processes: int) -> tuple[list[Block], dict]:
+def rating_report(
+    dances: KpopSet, ratings: dict[str, list[Answer]], seed: int, processes: int
+) -> tuple[list[str | Table], dict]:
     """Blocks of a page and figures for JSON on a set's ratings by rater; scores all learners."""
     votes = votes_of({name: [one.name for one in dances.dance(name).learners] for name in dances.names}, ratings)
     source, signs, failed = scorers_signs(dances, seed, processes)
@@ -52,17 +53,17 @@ def rating_report(dances: KpopSet, ratings: dict[str, list[Answer]], seed: int, 
         DEFINITIONS,
         INTERVALS,
     ]
-    blocks: list[Block] = [("title", f"Ratings of {name}"), *(("text", line) for line in remarks)]
     asked = {rater: [len(answers), sum(one.choice == "equal" for one in answers)] for rater, answers in ratings.items()}
-    for table in (
+    blocks = [
+        f"Ratings of {name}",
+        *remarks,
         Table(["agreement", "value", "dances"], [[what, _value(one, ""), one.dances] for what, one in agreement.items()]),
         Table(
             ["rater", "answers", "equal", "same answer", *COMPARED],
             [[rater, *asked[rater], _value(one["same"], "%"), *_compared(one)] for rater, one in raters.items()],
         ),
         Table(["scorer", *COMPARED], [[scorer, *_compared(one)] for scorer, one in scorers.items()]),
-    ):
-        blocks.append(("table", table))
+    ]
     made = {"git": git_revision(), "made": datetime.now(UTC).isoformat(timespec="seconds"), "seed": seed}
     figures = {"agreement": agreement, "raters": raters, "scorers": scorers}
     return blocks, plain({"set": name, "origin": origin.value, "joints": source, "failed_dances": failed, **figures, **made})

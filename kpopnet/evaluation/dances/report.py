@@ -13,7 +13,7 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances.ranking import in_order_by_one, is_ordered, mcnemar_p_value, similarities
 from kpopnet.evaluation.dances.run import DanceRun, Method, run_dances
-from kpopnet.evaluation.report import Block, Report, save_plots, write_text
+from kpopnet.evaluation.report import Block, Heading, Picture, Report, save_plots, write_text
 from kpopnet.evaluation.values import Table, Value
 
 WRONG_ORDER_MARK = " ✗"
@@ -65,15 +65,15 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
     tables = [table for table in (agreement_table(run), rank_table(run), paired_table(run)) if table.rows]
     by_scorer = f"by {run.main.scorer}"
     blocks: list[Block] = [
-        *(("table", table) for table in tables),
-        ("heading", "Scores by the experts' ranking"),
-        ("figure", ("score_by_rank.png", "Scores over the experts' rank, one line per dance, red if in the wrong order")),
-        ("heading", f"{plotted} over time"),
-        ("text", "Values per window of the learner's dance, over its start time. To plot another dance: benchmark.dance=NAME."),
-        ("figure", ("timelines.png", f"Similarity, posture and delay of each learner of {plotted} over time, {by_scorer}")),
-        ("heading", "Table 2"),
-        ("text", f"Scores from the best learner to the worst;{WRONG_ORDER_MARK} marks the wrong order. All: table_2.csv."),
-        ("table", table_2(run)),
+        *tables,
+        Heading("Scores by the experts' ranking"),
+        Picture("score_by_rank.png", "Scores over the experts' rank, one line per dance, red if in the wrong order"),
+        Heading(f"{plotted} over time"),
+        "Values per window of the learner's dance, over its start time. To plot another dance: benchmark.dance=NAME.",
+        Picture("timelines.png", f"Similarity, posture and delay of each learner of {plotted} over time, {by_scorer}"),
+        Heading("Table 2"),
+        f"Scores from the best learner to the worst;{WRONG_ORDER_MARK} marks the wrong order. All: table_2.csv.",
+        table_2(run),
     ]
     return Report(f"kpopnet on {run.dances.manifest.name}", remarks(run), blocks, tables, CLOCK, dance_metrics(run))
 

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kpopnet.dance.parts import NOISE, PartScorer
-from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, Scorer, score_dance
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
@@ -100,7 +99,9 @@ def score_learners(dances: KpopSet, caches: dict[str, PoseCache], scorers: dict[
         for source, performance in found.items():
             if not performance.is_observed:
                 log.warning("%s, %s: %s found no joint in any frame; not scored", dance.name, learner.name, source)
-            error_m = None if source == TRUTH else _mean_error_m(performance.joints_m, truth)
+            error_m = None  # unknown without true joints of the same frames
+            if source != TRUTH and truth is not None and len(truth.joints_m) == len(performance.joints_m):
+                error_m = plain(mean_error_m(joint_errors_m(truth.joints_m, performance.joints_m)))
             for scorer, settings in scorers.items():
                 if isinstance(settings, PartScorer) and settings.noise == "auto" and source in NOISE:
                     settings = replace(settings, noise=source)
@@ -109,13 +110,6 @@ def score_learners(dances: KpopSet, caches: dict[str, PoseCache], scorers: dict[
                 scores.setdefault(Method(source, scorer), []).append(LearnerScore(learner.name, score, error_m))
     complete = {method: learners for method, learners in scores.items() if len(learners) == len(dance.learners)}
     return ScoredDance(complete, frames, seconds)
-
-
-def _mean_error_m(joints_m: np.ndarray, truth: Performance | None) -> float | None:
-    """Mean distance over the joints that were found; None without true joints of the same frames."""
-    if truth is None or len(truth.joints_m) != len(joints_m):
-        return None
-    return plain(mean_error_m(joint_errors_m(truth.joints_m, joints_m)))
 
 
 def run_dances(

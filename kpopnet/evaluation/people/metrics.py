@@ -17,7 +17,8 @@ from scipy.optimize import linear_sum_assignment
 
 from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.evaluation.intervals import Bootstrap
-from kpopnet.evaluation.poses.metrics import WITHIN_M, joint_errors_m
+from kpopnet.evaluation.poses.metrics import WITHIN_M, joint_errors_m, ratio
+from kpopnet.evaluation.values import plain
 from kpopnet.skeleton import NUM_JOINTS
 
 CENTRE_M, NEAR_M = 0.3, 0.5
@@ -170,26 +171,26 @@ def figures(parts: list[MatchedSequence], seed: int) -> dict:
     their share; `interval`: 95 % intervals over sequences; `fps`: images a second of one core, all stages.
     """
     sums = [_sums(part) for part in parts]
-    above, below = (np.array([[pair[end] for pair in one.values()] for one in sums]) for end in (0, 1))
+    columns = {name: np.array([one[name] for one in sums], float).T[..., None] for name in sums[0]}  # (2, N, 1)
     bootstrap = Bootstrap(np.arange(len(parts)), seed)
-    columns = {name: (above[:, k : k + 1], below[:, k : k + 1]) for k, name in enumerate(sums[0])}
 
     def total(count: Callable[[MatchedSequence], int]) -> int:
         return int(sum(count(part) for part in parts))
 
-    return {
+    pooled = {
         "sequences": len(parts),
         "images": total(lambda part: len(part.seen)),
         "seen": total(lambda part: part.seen.sum()),
         "hidden": total(lambda part: part.hidden.sum()),
-        **{name: _ratio(one.sum(), other.sum()) for name, (one, other) in columns.items()},
+        **{name: ratio(one.sum(), other.sum()) for name, (one, other) in columns.items()},
         "false": total(lambda part: part.false.sum()),
         "switches": total(lambda part: part.switches().sum()),
         "empty_images": total(lambda part: part.empty.sum()),
         "empty_images_with_people": total(lambda part: (part.false[part.empty] > 0).sum()),
         "interval": {name: bootstrap.interval(bootstrap.ratios(*pair)) for name, pair in columns.items()},
-        "fps": _ratio(total(lambda part: len(part.seen)), max(sum(part.seconds for part in parts), 1e-9)),
+        "fps": ratio(total(lambda part: len(part.seen)), max(sum(part.seconds for part in parts), 1e-9)),
     }
+    return plain(pooled)
 
 
 def _sums(part: MatchedSequence) -> dict[str, tuple[float, float]]:
@@ -214,7 +215,3 @@ def _sums(part: MatchedSequence) -> dict[str, tuple[float, float]]:
         **{f"hidden_{name}": pair for name, pair in of_joints(part.hidden).items()},
         "empty_share": ((part.false[part.empty] > 0).sum(), part.empty.sum()),
     }
-
-
-def _ratio(above: float, below: float) -> float | None:
-    return float(above / below) if below else None

@@ -19,7 +19,7 @@ from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.engine import Timed, stage
 from kpopnet.evaluation.people.metrics import ALL, MatchedSequence, by_kind, causes, figures, match, wrong_joints
 from kpopnet.evaluation.registry import BestConfig, RealtimeConfig
-from kpopnet.evaluation.report import SIMULATED, Block, Report, future_remark, interval_remarks, save_view
+from kpopnet.evaluation.report import SIMULATED, Block, Heading, Picture, Report, future_remark, interval_remarks, save_view
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.pose.estimator import MAX_PEOPLE, PersonPose, PoseEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extraction_name
@@ -130,9 +130,7 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
         *interval_remarks("sequences", count, ", in a row its own", min(one["sequences"] for one in found[main].values())),
     ]
     tables = [_table(found, PEOPLE), _table(found, JOINTS)]
-    blocks: list[Block] = [("heading", "People"), ("table", tables[0])]
-    blocks += [("heading", "Joints and identities"), ("table", tables[1])]
-    blocks += [("text", DEFINITIONS), ("text", WHEN_JUDGED[name])]
+    blocks = [Heading("People"), tables[0], Heading("Joints and identities"), tables[1], DEFINITIONS, WHEN_JUDGED[name]]
     blocks += _sequence_blocks(benchmark, main, [one[main] for one in matched.values()], folder)
     described = {"name": name, "depth": "simulated", "about": benchmark.about, **benchmark.provenance}
     described |= {"extraction": extraction, "sequences": count, "sequences_in_set": in_set, "failed_sequences": failed}
@@ -164,9 +162,9 @@ def _sequence_blocks(benchmark: PeopleSet, label: str, parts: list[MatchedSequen
     save_png(folder / "worst.png", sheet(rows, (), title))
     films = [part for part in parts if len(part.seen) > 1]
     blocks: list[Block] = [
-        ("heading", f"Sequences ({label})"),
-        ("figure", ("people.png", "Frames of a sequence of each kind: depth, true joints in white, identities in colours")),
-        ("figure", ("worst.png", "The images with the most wrong joints, one of a sequence, and why they are wrong")),
+        Heading(f"Sequences ({label})"),
+        Picture("people.png", "Frames of a sequence of each kind: depth, true joints in white, identities in colours"),
+        Picture("worst.png", "The images with the most wrong joints, one of a sequence, and why they are wrong"),
     ]
     if not films:
         return blocks
@@ -184,8 +182,8 @@ def _sequence_blocks(benchmark: PeopleSet, label: str, parts: list[MatchedSequen
     save_view(folder / "worst.html", title, sequence.camera, sequence.fps, sequence.depth, people)
     return [
         *blocks,
-        ("table", Table(["film", "scene", *(title for title, _, _ in SEQUENCE)], table)),
-        ("view", ("worst.html", f"The worst film, {last.name}: {last.kind}; true joints thin")),
+        Table(["film", "scene", *(title for title, _, _ in SEQUENCE)], table),
+        Picture("worst.html", f"The worst film, {last.name}: {last.kind}; true joints thin"),
     ]
 
 

@@ -1,16 +1,20 @@
-"""Plots of the pose report: bars by joint and by sequence, the error curve and the confidence."""
+"""Figures of the pose report: bars by joint and by sequence, the error curve, the confidence, and example frames (Fig. 11)."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from kpopnet.datasets.protocol import Sequence
 from kpopnet.evaluation.poses.confidence import judged, reliability, risk_curve_m
 from kpopnet.evaluation.poses.metrics import CURVE_END_M, THRESHOLDS_M, fraction_within
 from kpopnet.evaluation.poses.run import PoseRun
 from kpopnet.evaluation.poses.tables import published_on
 from kpopnet.skeleton import JOINT_NAMES
+from kpopnet.viz.drawing import ESTIMATED, TRUE, person_tile, sheet
 
 CURVE_POINTS = 200
+EXAMPLES_PER_ROW = 4
+CROP_MARGIN_M = 0.35
 
 
 def joint_bars(run: PoseRun) -> Figure:
@@ -24,7 +28,7 @@ def joint_bars(run: PoseRun) -> Figure:
     for panel, key, unit in ((error, "mean_error_cm", 1), (within, "map_10cm", 100)):
         for position, (name, metrics) in enumerate(run.metrics.items()):
             parts = [*metrics["per_joint"].values(), metrics, metrics["paper_joints"]]
-            heights = [np.nan if part[key] is None else unit * part[key] for part in parts]
+            heights = unit * np.array([part[key] for part in parts], float)  # NaN for None
             x = np.arange(len(heights)) + width * (position - (len(run.metrics) - 1) / 2)
             panel.bar(x, heights, width, label=name)
     published = published_on(run.benchmark)
@@ -64,8 +68,7 @@ def sequence_bars(run: PoseRun, names: list[str]) -> Figure:
         x = np.arange(len(names)) + 0.7 / len(shown) * (position - (len(shown) - 1) / 2)
         parts = [metrics["per_sequence"][sequence] for sequence in names]
         means, deviations = (
-            np.array([np.nan if part[key] is None else part[key] for part in parts])
-            for key in ("average_pose_error_cm", "pose_error_deviation_cm")
+            np.array([part[key] for part in parts], float) for key in ("average_pose_error_cm", "pose_error_deviation_cm")
         )
         downwards = np.minimum(means, deviations)  # an error is not negative
         panel.errorbar(x, means, (downwards, deviations), fmt="o", markersize=4, linewidth=1.2, capsize=2, label=name)
@@ -122,3 +125,67 @@ def confidence_figure(run: PoseRun) -> Figure:
             panel.legend(fontsize=8)
     figure.suptitle(_title(run))
     return figure
+
+
+def example_frames(run: PoseRun, seed: int) -> dict[str, list[int]]:
+    """Example frames of the main estimator, ordered by mean joint error: best, median, worst and random.
+
+    They come from different sequences if there are enough. Frames are ordered by the number of missing joints first, so a
+    frame with missing joints is worse than any frame without.
+    """
+    results = run.results[run.main]
+    errors_m = results.errors_m()
+    found = np.isfinite(errors_m)
+    mean_m = np.where(found, errors_m, 0).sum(axis=1) / np.maximum(found.sum(axis=1), 1)
+    labelled = np.flatnonzero(~np.isnan(errors_m).all(axis=1))
+    order = labelled[np.lexsort((mean_m[labelled], np.isinf(errors_m[labelled]).sum(axis=1)))]
+    from_middle = order[np.argsort(np.abs(np.arange(len(order)) - (len(order) - 1) / 2), kind="stable")]
+    shuffled = np.random.default_rng(seed).permutation(labelled)
+
+    def first_of_each_sequence(frames: np.ndarray) -> list[int]:
+        _, first = np.unique(results.sequence[frames], return_index=True)
+        distinct = frames[np.sort(first)]
+        others = frames[~np.isin(frames, distinct)]
+        return np.concatenate([distinct, others])[:EXAMPLES_PER_ROW].tolist()
+
+    kinds = {"best": order, "median": from_middle, "worst": order[::-1], "random": shuffled}
+    return {kind: first_of_each_sequence(frames) for kind, frames in kinds.items()}
+
+
+def examples_sheet(run: PoseRun, seed: int) -> np.ndarray:
+    """Fig. 11 as an RGB image: example frames with true and estimated skeletons over the depth, read again from the set."""
+    results, examples = run.results[run.main], example_frames(run, seed)
+    tiles: dict[int, np.ndarray] = {}
+    sequence = None
+    for row in sorted({frame for frames in examples.values() for frame in frames}):  # each sequence is read once
+        name = str(results.sequence[row])
+        if sequence is None or sequence.name != name:
+            sequence = run.benchmark.read(name)
+        tiles[row] = _tile(run, sequence, row, row - int(np.argmax(results.sequence == name)))
+    rows = [(f"{kind} frames", [tiles[frame] for frame in frames]) for kind, frames in examples.items()]
+    title = f"{run.main} on {run.benchmark.name} ({run.benchmark.origin.value} depth), true = {run.benchmark.truth}"
+    return sheet(rows, (TRUE, ESTIMATED), title)
+
+
+def _tile(run: PoseRun, sequence: Sequence, row: int, frame: int) -> np.ndarray:
+    """RGB image of a scored frame of a sequence, row `row` of the results: depth, true skeleton, and the main estimator's."""
+    results = run.results[run.main]
+    errors_m = results.errors_m()[row]
+    found, missing = np.isfinite(errors_m), int(np.isinf(errors_m).sum())
+    error = f"{100 * errors_m[found].mean():.1f} cm" if found.any() else "no joints"
+    return person_tile(
+        _person_depth_m(sequence, frame),
+        sequence.camera,
+        ((results.estimate_m[row], ESTIMATED), (results.truth_m[row], TRUE)),
+        captions=(f"{sequence.name} frame {frame}", error + (f", {missing} missing" if missing else "")),
+    )
+
+
+def _person_depth_m(sequence: Sequence, frame: int) -> np.ndarray:
+    """(H, W) depth of a frame; of a whole scene only what is within CROP_MARGIN_M of the 3D bounding box of the true joints."""
+    depth_m, joints_m = sequence.depth_m[frame], sequence.joints_camera_m[frame]
+    if sequence.is_segmented or not np.isfinite(joints_m).any():
+        return depth_m
+    low, high = np.nanmin(joints_m, axis=0) - CROP_MARGIN_M, np.nanmax(joints_m, axis=0) + CROP_MARGIN_M
+    points = sequence.camera.points(depth_m)
+    return np.where(((points > low) & (points < high)).all(axis=-1), depth_m, 0)

@@ -79,7 +79,7 @@ def fraction_within(errors_m: np.ndarray, threshold_m: float) -> float:
     At 0.1 m this is the mAP of the paper (section 4.1) and the metric of ITOP.
     """
     labelled = ~np.isnan(errors_m)
-    return _ratio((errors_m[labelled] < threshold_m).sum(), labelled.sum())
+    return ratio((errors_m[labelled] < threshold_m).sum(), labelled.sum())
 
 
 def area_under_curve(errors_m: np.ndarray, end_m: float = CURVE_END_M) -> float:
@@ -88,13 +88,13 @@ def area_under_curve(errors_m: np.ndarray, end_m: float = CURVE_END_M) -> float:
     Exact, without sampling: a joint with error e is below the threshold for a fraction max(0, 1 - e / end_m) of the range.
     """
     labelled = errors_m[~np.isnan(errors_m)]
-    return _ratio(np.maximum(0, 1 - labelled / end_m).sum(), labelled.size)
+    return ratio(np.maximum(0, 1 - labelled / end_m).sum(), labelled.size)
 
 
 def mean_error_m(errors_m: np.ndarray) -> float:
     """The mean over all joints with true position and estimate, visible or not; NaN if there are none."""
     found = errors_m[np.isfinite(errors_m)]
-    return _ratio(found.sum(), found.size)
+    return ratio(found.sum(), found.size)
 
 
 def average_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
@@ -254,7 +254,7 @@ def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> d
     def paired(change: np.ndarray, counted: np.ndarray) -> dict:
         change = np.where(counted, change, 0)
         return {
-            "value": _ratio(change.sum(), counted.sum()),
+            "value": ratio(change.sum(), counted.sum()),
             "interval": bootstrap.interval(bootstrap.ratios(change, counted)),
         }
 
@@ -263,5 +263,6 @@ def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> d
     return plain({"within_10cm_points": paired(within, scored), "mean_error_cm": paired(distance_cm, both)})
 
 
-def _ratio(numerator: float, denominator: float) -> float:
+def ratio(numerator: float, denominator: float) -> float:
+    """NaN where there is nothing to divide by."""
     return float(numerator / denominator) if denominator else float("nan")

@@ -2,17 +2,29 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from kpopnet.datasets.protocol import Origin
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses import tables
 from kpopnet.evaluation.poses.confidence import BINS
-from kpopnet.evaluation.poses.figures import confidence_figure, error_curve, joint_bars, sequence_bars
-from kpopnet.evaluation.poses.pictures import examples_sheet, save_views, worst_sequences
+from kpopnet.evaluation.poses.figures import confidence_figure, error_curve, examples_sheet, joint_bars, sequence_bars
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
 from kpopnet.evaluation.registry import build_benchmark, build_estimators
-from kpopnet.evaluation.report import SIMULATED, Block, Report, future_remark, interval_remarks, save_plots
+from kpopnet.evaluation.report import (
+    SIMULATED,
+    Block,
+    Heading,
+    Picture,
+    Report,
+    future_remark,
+    interval_remarks,
+    save_plots,
+    save_view,
+)
 from kpopnet.viz.drawing import save_png
+from kpopnet.viz.view_page import Shown
 
 MAX_LISTED_SEQUENCES = 40
 VIEWS = 3
@@ -69,11 +81,12 @@ def pose_report(run: PoseRun, folder: Path, seed: int, sweep: Sweep | None = Non
     """
     folder.mkdir(parents=True, exist_ok=True)
     run, all_metrics = run.without(sweep.settings if sweep else ()), run.metrics
-    by_worst = worst_sequences(run)
+    fractions = {name: part["map_10cm"] for name, part in run.metrics[run.main]["per_sequence"].items()}
+    by_worst = sorted(fractions, key=lambda name: np.inf if fractions[name] is None else fractions[name])
     listed = by_worst[:MAX_LISTED_SEQUENCES]
     plots = {"per_joint": joint_bars(run), "error_curve": error_curve(run), "confidence": confidence_figure(run)}
     if len(listed) > 1:
-        plots["per_sequence"] = sequence_bars(run, sorted(listed, key=list(run.metrics[run.main]["per_sequence"]).index))
+        plots["per_sequence"] = sequence_bars(run, [name for name in fractions if name in listed])
     save_plots(folder, plots)
     save_png(folder / "examples.png", examples_sheet(run, seed))
     pictures = ["examples.png", *(f"{name}.png" for name in plots)]
@@ -83,7 +96,7 @@ def pose_report(run: PoseRun, folder: Path, seed: int, sweep: Sweep | None = Non
     printed += [*tables.group_tables(run.metrics), *tables.definition_tables(run.metrics)]
     if sweep:
         printed.append(sweep.table(all_metrics))
-        blocks += [("heading", f"{sweep.estimator} at other settings (Table 1)"), ("table", printed[-1])]
+        blocks += [Heading(f"{sweep.estimator} at other settings (Table 1)"), printed[-1]]
     metrics = pose_metrics(run) | {"pictures": pictures, "sweep": sweep.figures(all_metrics) if sweep else None}
     return Report(f"kpopnet on {run.benchmark.name}", remarks(run), blocks, printed, CLOCK, metrics)
 
@@ -158,59 +171,63 @@ def _joint_blocks(run: PoseRun) -> list[Block]:
     published, headline = tables.published_on(run.benchmark), tables.across("", run.metrics, tables.HEADLINE)
     limits = [(f"within {name.removesuffix('cm')} cm", f"pck/{name}", "%") for name in main["pck"]]
     causes = [(cause, f"missed_by_cause/{cause}", "%") for cause in main["missed_by_cause"]]
-    blocks: list[Block] = [("table", headline), ("table", tables.across("", run.metrics, limits))]
+    blocks: list[Block] = [headline, tables.across("", run.metrics, limits)]
     if without_labels := tables.label_free_table(run.metrics):
-        blocks += [("heading", "Without labels"), ("text", LABEL_FREE), ("table", without_labels)]
+        blocks += [Heading("Without labels"), LABEL_FREE, without_labels]
     if published:
-        blocks += [("text", "Published results beside ours, over the paper's fourteen joints.")]
-        blocks += [("table", tables.published_table(run.metrics, published))]
+        blocks += ["Published results beside ours, over the paper's fourteen joints."]
+        blocks += [tables.published_table(run.metrics, published)]
     if run.differences:
-        blocks += [("heading", f"Differences from {run.main}"), ("text", DIFFERENCES.format(run.main))]
-        blocks += [("table", tables.difference_table(run))]
-    blocks += [
-        ("heading", f"Example frames ({run.main})"),
-        ("figure", ("examples.png", "Example frames with true and estimated skeletons over the depth")),
-        ("heading", "Joints"),
-        *(("table", table) for table in tables.group_tables(run.metrics)),
-    ]
+        blocks += [Heading(f"Differences from {run.main}"), DIFFERENCES.format(run.main), tables.difference_table(run)]
+    blocks += [Heading(f"Example frames ({run.main})")]
+    blocks += [Picture("examples.png", "Example frames with true and estimated skeletons over the depth")]
+    blocks += [Heading("Joints"), *tables.group_tables(run.metrics)]
     if in_definition := tables.definition_tables(run.metrics):
-        blocks += [("text", DEFINITION), *(("table", table) for table in in_definition)]
-    blocks += [
-        ("figure", ("per_joint.png", "Mean error and percentage within 10 cm of each joint")),
-        ("figure", ("error_curve.png", "Percentage of joints within a distance of the true position")),
-        ("heading", "Why joints are missed"),
-        ("text", CAUSES),
-        ("table", tables.across("missed, by cause", run.metrics, causes)),
-        ("heading", "Confidence"),
-        ("text", CONFIDENCE),
-        ("table", tables.confidence_table(run.metrics)),
-        ("figure", ("confidence.png", "Share within 10 cm over confidence, and error of the most confident joints")),
-    ]
-    return blocks
+        blocks += [DEFINITION, *in_definition]
+    blocks += [Picture("per_joint.png", "Mean error and percentage within 10 cm of each joint")]
+    blocks += [Picture("error_curve.png", "Percentage of joints within a distance of the true position")]
+    blocks += [Heading("Why joints are missed"), CAUSES, tables.across("missed, by cause", run.metrics, causes)]
+    blocks += [Heading("Confidence"), CONFIDENCE, tables.confidence_table(run.metrics)]
+    return [*blocks, Picture("confidence.png", "Share within 10 cm over confidence, and error of the most confident joints")]
 
 
-def _sequence_blocks(run: PoseRun, listed: list[str], views: dict[str, str]) -> list[Block]:
-    """Errors by sequence, the worst sequences, and errors by heading; `views` has the sequence of each page in 3D."""
+def _sequence_blocks(run: PoseRun, listed: list[str], views: list[Picture]) -> list[Block]:
+    """Errors by sequence, the worst sequences, of which some have `views`, and errors by heading."""
     total = len(run.metrics[run.main]["per_sequence"])
     blocks: list[Block] = [
-        ("heading", "Sequences" + (f", the {len(listed)} worst of {total}" if len(listed) < total else ", worst first")),
-        ("text", "Error of visible joints (Eq. 16): mean and standard deviation."),
-        ("table", tables.by_part("per_sequence", run.metrics, listed)),
+        Heading("Sequences" + (f", the {len(listed)} worst of {total}" if len(listed) < total else ", worst first")),
+        "Error of visible joints (Eq. 16): mean and standard deviation.",
+        tables.by_part("per_sequence", run.metrics, listed),
     ]
     if len(listed) > 1:
-        blocks.append(("figure", ("per_sequence.png", "Mean and standard deviation of the error in each sequence")))
+        blocks.append(Picture("per_sequence.png", "Mean and standard deviation of the error in each sequence"))
     blocks += [
-        ("heading", f"Worst sequences ({run.main})"),
-        ("text", "Estimated joints in colours, true ones thin. Drag to turn, scroll or pinch to zoom, space to play."),
-        *(("view", (file, name)) for file, name in views.items()),
+        Heading(f"Worst sequences ({run.main})"),
+        "Estimated joints in colours, true ones thin. Drag to turn, scroll or pinch to zoom, space to play.",
+        *views,
     ]
     people = list(run.metrics[run.main]["per_person"])
     if 1 < len(people) <= MAX_LISTED_SEQUENCES:
-        blocks += [("heading", "People"), ("table", tables.by_part("per_person", run.metrics, people))]
+        blocks += [Heading("People"), tables.by_part("per_person", run.metrics, people)]
     if sectors := run.metrics[run.main]["by_yaw"]:
         blocks += [
-            ("heading", "Heading of the person"),
-            ("text", "Centres of sectors of 45 degrees: 0 faces the camera, positive angles turn to the person's left."),
-            ("table", tables.by_part("by_yaw", run.metrics, sectors)),
+            Heading("Heading of the person"),
+            "Centres of sectors of 45 degrees: 0 faces the camera, positive angles turn to the person's left.",
+            tables.by_part("by_yaw", run.metrics, sectors),
         ]
     return blocks
+
+
+def save_views(run: PoseRun, names: list[str], folder: Path) -> list[Picture]:
+    """Writes a page for each sequence, which shows it in 3D."""
+    views = [Picture(f"worst_{number}.html", name) for number, name in enumerate(names, 1)]
+    for file, name in views:
+        results, sequence = run.results[run.main], run.benchmark.read(name)
+        results = results.select_frames(results.sequence == name)
+        people = [
+            Shown(results.estimate_m, np.nan_to_num(results.confidence), run.main),
+            Shown(results.truth_m, np.ones(results.truth_m.shape[:2]), "true joints", reference=True),
+        ]
+        title = f"{name}: {run.main} on {run.benchmark.origin.value} depth"
+        save_view(folder / file, title, sequence.camera, sequence.fps, sequence.depth_m, people, len(names))
+    return views

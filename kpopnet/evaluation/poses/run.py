@@ -1,7 +1,7 @@
 """Evaluation of pose estimators on the sequences of a benchmark of one person each: from depth to metrics."""
 
 from collections.abc import Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,19 +38,18 @@ class SequenceEstimation:
     benchmark: Benchmark
     estimators: dict[str, Estimator]
     extraction: Any = DEFAULT_EXTRACTION
-    _timed: dict[str, Timed] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._timed = {label: Timed(one.estimate, one) for label, one in self.estimators.items()}
+        self._extract = Timed(extract_person)
 
     def __call__(self, name: str) -> EstimatedSequence:
-        if not self._timed:
-            self._timed = {label: Timed(one.estimate, one) for label, one in self.estimators.items()}
-            self._timed["extraction"] = Timed(extract_person)
         sequence, extraction_seconds = self.benchmark.read(name), None
         depth_m, camera, truth_m = sequence.depth_m, sequence.camera, sequence.joints_camera_m
         if not sequence.is_segmented:
             with stage("extraction"):
-                depth_m, extraction_seconds = self._timed["extraction"](
-                    depth_m, camera, settings=self.extraction, fps=sequence.fps or 30.0
-                )
+                how = {"settings": self.extraction, "fps": sequence.fps or 30.0}
+                depth_m, extraction_seconds = self._extract(depth_m, camera, **how)
         frames = len(depth_m)
         yaw_rad = np.full(frames, np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad
         names = [np.full(frames, one) for one in (name, sequence.identity, sequence.room)]

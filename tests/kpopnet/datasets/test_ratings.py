@@ -6,13 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from kpopnet.datasets.dances.ratings import (
-    all_pairs,
-    ratings_path,
-    read_all_ratings,
-    read_ratings,
-    write_ratings,
-)
+from kpopnet.datasets.dances.ratings import all_pairs, ratings_path, read_all_ratings, read_ratings, write_ratings
 from kpopnet.errors import InputError
 
 DANCES = {f"dance_{index}": ["ann", "bo", "cy", "di"] for index in range(20)}

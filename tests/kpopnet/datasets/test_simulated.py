@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 from simulated_files import write_simulated
 from slopes import joints_m, slope_m
-from two_people_files import CAMERA as PEOPLE_CAMERA
-from two_people_files import draw_two_people, write_two_people
 
 from kpopnet.camera import Camera
 from kpopnet.datasets.protocol import BenchmarkConfig, Origin
@@ -23,7 +21,8 @@ CAMERA = Camera(50.1, 50.2, 31.5, 23.5, 64, 48)
 DEPTH_M = np.stack([slope_m(frame, 48, 64) for frame in range(3)])
 JOINTS_M = np.stack([joints_m(frame) for frame in range(3)]).astype(np.float32)[:, None]
 MARKERS_M = np.full((3, 1, 2, 3), np.float32(0.1))
-SEQUENCE = StoredSequence("", "kicks", 25.0, CAMERA, ("sim01",), DEPTH_M, JOINTS_M, MARKERS_M, ("LFHD", "RFHD"))
+PIXELS = [np.arange(start, start + 3)[:, None] for start in (20, 30, 10)]
+SEQUENCE = StoredSequence("", "kicks", 25.0, CAMERA, ("sim01",), DEPTH_M, JOINTS_M, MARKERS_M, ("LFHD", "RFHD"), *PIXELS)
 
 
 def benchmark(folder: Path) -> SimulatedBenchmark:
@@ -63,14 +62,21 @@ def test_a_set_is_read_as_a_benchmark_that_calls_itself_simulated(folder, millim
     assert sequence.visible.sum() == 44 and not sequence.visible[1, Joint.HEAD] and not sequence.is_segmented
 
 
-def test_people_are_read_with_what_is_seen_of_them(tmp_path):
-    write_two_people(tmp_path, frames=3)
-    a_set = PeopleSet(BenchmarkConfig("two_people", str(tmp_path)))
-    sequence, (depth_mm, true_m, pixels) = a_set.read("pair_00"), draw_two_people(3)
-    assert a_set.names == ["pair_00"] and sequence.kind == "side_by_side" and sequence.camera == PEOPLE_CAMERA
-    np.testing.assert_array_equal(sequence.depth, depth_mm)
-    np.testing.assert_array_equal(sequence.joints_m, true_m)
-    np.testing.assert_array_equal(sequence.seen_px, pixels)
+def test_people_without_what_is_seen_of_them_are_refused(tmp_path):
+    depth_mm = np.rint(1000 * DEPTH_M).astype(np.uint16)
+    sequences = {"a": replace(SEQUENCE, depth=depth_mm), "b": SEQUENCE}
+    sequences["c"] = replace(sequences["a"], seen_px=None)
+    sequences["d"] = replace(sequences["a"], seen_px=PIXELS[1] + 1)
+    write_simulated(tmp_path, "rooms", sequences)
+    people = PeopleSet(BenchmarkConfig("rooms", str(tmp_path)))
+    np.testing.assert_array_equal(people.read("a").depth, depth_mm)
+    for name, message in (
+        ("b", "depth: expected uint16"),
+        ("c", "expected arrays seen_px"),
+        ("d", "seen_px: expected at least 0"),
+    ):
+        with pytest.raises(InputError, match=message):
+            people.read(name)
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 import pytest
 
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.report import Report, as_html, printable, write
+from kpopnet.evaluation.report import Heading, Picture, Report, as_html, printable, write
 from kpopnet.evaluation.values import Table, Value
 
 NAME = "a\udcffb"
 TABLE = Table(["name", "error"], [[NAME, Value(1.0, "cm")]])
-BLOCKS = [("text", NAME), ("figure", (f"{NAME}.png", NAME)), ("table", TABLE)]
+BLOCKS = [NAME, Picture(f"{NAME}.png", NAME), TABLE]
 CONFIG = EvaluateConfig({"limit": math.inf}, {})
 
 
@@ -35,7 +35,7 @@ def test_half_of_a_surrogate_pair_in_a_name_loses_no_report(tmp_path):
 def test_a_page_contains_its_files_and_links_what_is_missing_or_large(tmp_path, monkeypatch):
     (tmp_path / "a.png").write_bytes(b"picture")
     (tmp_path / "v.html").write_text('<!doctype html><p title="quoted">view</p>')
-    blocks = [("title", "t"), ("figure", ("a.png", "A")), ("figure", ("b.png", "B")), ("view", ("v.html", 'the "view"'))]
+    blocks = ["t", Picture("a.png", "A"), Picture("b.png", "B"), Picture("v.html", 'the "view"')]
     page = as_html(blocks, tmp_path)
     assert f'src="data:image/png;base64,{base64.b64encode(b"picture").decode()}"' in page and 'src="b.png"' in page
     assert 'srcdoc="&lt;!doctype html&gt;&lt;p title=&quot;quoted&quot;&gt;view&lt;/p&gt;"' in page
@@ -47,10 +47,8 @@ def test_a_page_contains_its_files_and_links_what_is_missing_or_large(tmp_path, 
 
 def test_tables_become_files_named_by_the_heading_above(tmp_path):
     tables = [Table(["name", "cm"], [[name, 1]]) for name in "abcd"]
-    headed = [("heading", "Errors / joints"), ("table", tables[1]), ("table", tables[2])]
-    write(
-        report(blocks=[("table", tables[0]), *headed, ("heading", "errors joints 2"), ("table", tables[3])]), CONFIG, tmp_path
-    )
+    headed = [Heading("Errors / joints"), *tables[1:3], Heading("errors joints 2"), tables[3]]
+    write(report(blocks=[tables[0], *headed]), CONFIG, tmp_path)
     found = {path.stem: path.read_text().splitlines()[1] for path in (tmp_path / "tables").glob("*.csv")}
     assert found == {"summary": "a,1", "errors_joints": "b,1", "errors_joints_2": "c,1", "errors_joints_2_2": "d,1"}
     assert {path.stem for path in (tmp_path / "tables").glob("*.tex")} == found.keys()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cone_people import cone_joints
+from scipy.spatial.transform import Rotation
 
 from kpopnet.camera import Camera
 from kpopnet.evaluation.acceptance.figures import exchanges, false_people, figures
@@ -115,10 +116,8 @@ def test_a_person_found_with_the_sides_of_another_is_an_exchange_where_the_truth
 
 def test_turning_around_is_no_exchange(run: Watched) -> None:
     """Once around in six seconds: left and right change places in the image, not on the person."""
-    angle = np.clip((run.times_s - 21) / 6, 0, 1) * 2 * np.pi
-    middle_m, cos, sin = PERSON_M[Joint.TORSO], np.cos(angle), np.sin(angle)
-    zero, one = np.zeros_like(cos), np.ones_like(cos)
-    turns = np.stack([cos, zero, sin, zero, one, zero, -sin, zero, cos], axis=-1).reshape(-1, 3, 3)
+    angle_deg, middle_m = 360 * np.clip((run.times_s - 21) / 6, 0, 1), PERSON_M[Joint.TORSO]
+    turns = Rotation.from_euler("y", angle_deg[:, None], degrees=True).as_matrix()
     joints_m = np.where(run.in_view[:, None, None], (PERSON_M - middle_m) @ turns + middle_m, np.nan).astype(np.float32)
     for truth_m in (joints_m, None):
         assert exchanges(replace(run, joints_m=joints_m, truth_m=truth_m)) == []

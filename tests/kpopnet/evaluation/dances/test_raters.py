@@ -66,11 +66,11 @@ def test_intervals_cover_the_truth_at_about_their_level():
     assert figures_of_many(0.0) == (1, 1)
     assert figures_of_many(np.inf) == pytest.approx((1 / 3, 0), abs=0.04)
     truth, covered = figures_of_many(0.7), np.zeros(2)
-    for seed in range(30):
+    for seed in range(20):
         votes = simulated_votes(np.random.default_rng([2, seed]), 30, 3, 0.7)
         for k, one in enumerate((mean_w(votes, seed), alpha(votes, seed))):
             covered[k] += one.interval[0] <= truth[k] <= one.interval[1]
-    assert (covered >= 25).all(), covered
+    assert (covered >= 17).all(), covered
 
 
 def test_intervals_need_five_dances_that_differ():

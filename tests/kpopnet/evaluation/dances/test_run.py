@@ -1,6 +1,5 @@
 """Evaluation of dance scores: from a folder of dances to Table 2, with and without estimators."""
 
-import base64
 import csv
 import json
 from dataclasses import dataclass
@@ -119,6 +118,10 @@ def test_an_estimator_is_scored_beside_the_truth_and_its_poses_are_cached(folder
     write_dance(folder, "papa", (0.0, 0.09, 0.04, 0.2))  # the same depth, other true joints
     again = run(folder, {"fake": FakeConfig(0.1)}, scorers={"raptis": SCORERS["raptis"]})
     assert fake.calls == calls and again.agreements["fake", "raptis"] == found.agreements["fake", "raptis"]
+    with h5py.File(folder / "mama" / "ann.h5", "a") as file:
+        file["times_s"][:] = TIMES_S + 0.3
+    corrected = run(folder, {"fake": FakeConfig(0.1)}).scores["fake", "dance22"]["mama"][0].score
+    assert fake.calls == calls and corrected.timing < other[0].score.timing - 10
     run(folder, {"fake": FakeConfig(0.2)})
     assert fake.calls > calls
 
@@ -129,16 +132,6 @@ def test_an_estimator_that_finds_no_joint_is_reported_and_not_scored(folder, fak
     assert all(np.isnan(one.score.similarity) for one in found.scores["fake", "dance22"]["mama"])
     assert "mama, ann: fake found no joint in any frame; not scored" in caplog.text
     assert any("no joint of 8 of 8 learners was found" in line for line in remarks(found))
-
-
-def test_corrected_times_need_no_new_estimation(folder, fake):
-    late = run(folder, {"fake": FakeConfig()}).scores["fake", "dance22"]["mama"][0].score
-    calls = fake.calls
-    path = folder / "mama" / "ann.h5"
-    with h5py.File(path, "a") as file:
-        file["times_s"][:] = TIMES_S + 0.3
-    moved = run(folder, {"fake": FakeConfig()}).scores["fake", "dance22"]["mama"][0].score
-    assert fake.calls == calls and moved.timing < late.timing - 10
 
 
 def test_a_mode_of_films_is_told_the_rate_which_names_its_poses(folder, monkeypatch):
@@ -187,14 +180,11 @@ def test_a_faulty_dance_does_not_affect_the_others(folder, fake):
 
 def test_trackers_do_not_wait_for_the_y_pose(folder, monkeypatch):
     built = []
-
-    def build(configs):
-        built.extend(configs.values())
-        return {name: Fake(FakeConfig()) for name in configs}
-
-    monkeypatch.setattr(pose_cache, "build_estimators", build)
+    monkeypatch.setattr(
+        pose_cache, "build_estimators", lambda one: built.extend(one.values()) or {"tracker": Fake(FakeConfig())}
+    )
     found = run(folder, {"tracker": TrackerEstimatorConfig(start="y_pose")}, count=1)
-    assert all(config.start == "auto" for config in built)
+    assert [config.start for config in built] == ["auto"]
     assert any("start=auto" in line for line in found.assumptions)
 
 
@@ -206,10 +196,7 @@ def test_the_report_has_all_its_parts(folder, fake, tmp_path):
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert metrics["estimator"] == "fake" and metrics["scorer"] == "dance22" and metrics["concordance"] == 100
     assert metrics["estimators"]["truth"]["concordance"] == 50
-    for source in ("truth", "fake"):
-        one = metrics["estimators"][source]
-        assert set(one["scorers"]) == set(SCORERS_TOLD) and set(one["interval"]) == {"concordance", "kendall_tau"}
-        assert one["concordance"] == one["scorers"]["dance22"]["concordance"] and -1 <= one["kendall_tau"] <= 1
+    assert set(metrics["scorers"]) == set(SCORERS_TOLD) and set(metrics["interval"]) == {"concordance", "kendall_tau"}
     assert metrics["benchmark"]["origin"] == "real" and metrics["benchmark"]["dances"] == 2
     text = (tmp_path / "out" / "report.md").read_text()
     assert "REAL learners of 2 dances" in text and "SIMULATED" not in text and "dance22, raptis" in report.text()
@@ -217,10 +204,7 @@ def test_the_report_has_all_its_parts(folder, fake, tmp_path):
     with (tmp_path / "out" / "table_2.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 2 * 2 * 2 * 4 and {row["joints"] for row in rows} == {"truth", "fake"}
-    for figure in ("score_by_rank.png", "timelines.png"):
-        assert (tmp_path / "out" / figure).stat().st_size > 10_000
-        picture = base64.b64encode((tmp_path / "out" / figure).read_bytes()).decode()
-        assert picture in (tmp_path / "out" / "report.html").read_text()
+    assert all((tmp_path / "out" / f"{plot}.png").stat().st_size > 10_000 for plot in ("score_by_rank", "timelines"))
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,10 @@
-"""Calibration and ranking of a confidence, against constructed joints and slow twins."""
+"""Calibration and ranking of a confidence, against constructed joints."""
 
 import numpy as np
 import pytest
 from pose_results import results_of_errors as results
 
-from kpopnet.evaluation.poses.confidence import (
-    Judged,
-    evaluate_confidence,
-    risk_curve_m,
-)
+from kpopnet.evaluation.poses.confidence import evaluate_confidence
 
 
 def honest(rng: np.random.Generator, frames: int) -> tuple[np.ndarray, np.ndarray]:
@@ -23,14 +19,6 @@ def test_an_honest_confidence_is_calibrated_and_a_biased_one_is_not() -> None:
     assert evaluate_confidence(results(error_m, confidence))["confidence"]["ece"] < 0.02
     # Halved, each bin is off by its confidence: 1/4 on average.
     assert evaluate_confidence(results(error_m, confidence / 2))["confidence"]["ece"] == pytest.approx(0.25, abs=0.02)
-
-
-def test_ties_count_with_their_mean_whatever_their_order() -> None:
-    rng = np.random.default_rng(2)
-    error_m, confidence = rng.random(60), rng.integers(0, 4, 60) / 4
-    curves = [risk_curve_m(Judged(error_m[order], confidence[order])) for order in (np.arange(60), rng.permutation(60))]
-    np.testing.assert_allclose(*curves)
-    np.testing.assert_allclose(risk_curve_m(Judged(error_m, np.ones(60))), error_m.mean())
 
 
 def test_the_area_lies_between_the_best_order_and_its_reverse() -> None:

@@ -3,6 +3,7 @@ import pytest
 from capsule_people import draw_joints
 from pose_results import pose_results
 from real_data import ITOP_SKELETONS
+from scipy.spatial.transform import Rotation
 
 from kpopnet.evaluation.poses.metrics import (
     area_under_curve,
@@ -17,7 +18,6 @@ from kpopnet.evaluation.poses.metrics import (
 )
 from kpopnet.skeleton import Joint
 
-ITOP = ITOP_SKELETONS
 NAN, INF = np.nan, np.inf
 
 
@@ -116,13 +116,11 @@ def test_moving_joints_are_those_far_from_where_the_rest_pose_of_the_person_has_
     """Two people who turn and walk; one raises a hand in a fifth of the frames, the other holds it up in all but a fifth."""
     rest = draw_joints(np.random.default_rng(2)).astype(float)
     rest -= rest[Joint.TORSO]
-    turns = np.linspace(0, 2 * np.pi, 20)
     poses = np.repeat(rest[None], 20, axis=0)
     poses[::5, Joint.LEFT_HAND] += (0.0, -0.5, 0.0)
     other = np.repeat(rest[None], 20, axis=0)
     other[np.arange(20) % 5 > 0, Joint.LEFT_HAND] += (0.0, -0.5, 0.0)
-    cos, sin, zero = np.cos(turns), np.sin(turns), np.zeros(20)
-    turn = np.stack([cos, zero, sin, zero, zero + 1, zero, -sin, zero, cos], axis=-1).reshape(20, 3, 3)
+    turn = Rotation.from_euler("y", np.linspace(0, 360, 20)[:, None], degrees=True).as_matrix()
     way_m = np.linspace(0, 2, 20)[:, None, None] * (1.0, 0.0, 1.0)
     truth = np.concatenate([np.einsum("tij,tkj->tki", turn, one) + way_m for one in (poses, other)])
     found = moving_joints(truth, np.repeat(["a", "b"], 20))
@@ -191,9 +189,9 @@ def test_differences_are_of_frames_scored_for_both_and_distances_of_joints_found
     assert itself["mean_error_cm"]["value"] == itself["within_10cm_points"]["value"] == 0
 
 
-@pytest.mark.skipif(not ITOP.exists(), reason="needs ITOP's test poses with A2J's published predictions")
+@pytest.mark.skipif(not ITOP_SKELETONS.exists(), reason="needs ITOP's test poses with A2J's published predictions")
 def test_metrics_of_published_predictions_equal_the_published_values():
-    stored = np.load(ITOP)
+    stored = np.load(ITOP_SKELETONS)
     u, v, z = np.moveaxis(stored["a2j_side_pred_uvd"].astype(float), -1, 0)
     estimate = np.stack([(u - 160) * z * 0.0035, (120 - v) * z * 0.0035, z], axis=-1)
     result = evaluate(pose_results(stored["side_m"].astype(float), estimate))

@@ -9,10 +9,9 @@ import pytest
 from films import Films, Off
 
 from kpopnet.datasets.protocol import Origin
-from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses.figures import joint_bars, sequence_bars
-from kpopnet.evaluation.poses.report import pose_metrics, pose_report, remarks
+from kpopnet.evaluation.poses.report import pose_metrics, pose_report
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
 from kpopnet.evaluation.poses.tables import published_on, published_table
@@ -57,15 +56,6 @@ def test_the_report_holds_the_errors_their_differences_and_all_its_files(films, 
     assert sources and all(source.startswith("data:image/png;base64,") for source in sources)
     assert page.count("<iframe sandbox=") == 3
     assert films.without(["far"]).differences == {}
-
-
-def test_partial_evaluations_and_failed_sequences_are_named():
-    films = Films()
-    films.damaged = {"three": InputError("damaged.mat: not whole")}
-    run = run_benchmark(films, {"off": Off()}, sequences=2)
-    assert pose_metrics(run)["benchmark"]["failed_sequences"] == {"three": "damaged.mat: not whole"}
-    said = " ".join(remarks(run))
-    assert "2 of 3 sequences, evenly spaced" in said and "three: damaged.mat: not whole" in said
 
 
 @pytest.mark.parametrize(
