@@ -9,7 +9,6 @@ import numpy as np
 
 from kpopnet.dance.joint_files import amass
 from kpopnet.dance.joint_files.bvh_motion import bvh_points, read_bvh_motion
-from kpopnet.dance.joint_files.frames import TIMES, joint_points, numbers_in
 from kpopnet.dance.joint_files.gltf import read_gltf
 from kpopnet.dance.joint_files.markers import read_c3d, read_npy, read_trc
 from kpopnet.dance.joint_files.points import (
@@ -22,7 +21,7 @@ from kpopnet.dance.joint_files.points import (
     unit_m,
     with_joint_map,
 )
-from kpopnet.dance.joint_files.tables import read_csv
+from kpopnet.dance.joint_files.tables import TIMES, joint_points, numbers_in, read_csv
 from kpopnet.dance.joint_files.vmd import read_vmd
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, joint_positions, offsets_of, skeleton_points, world_rotations
+from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, chain, joint_positions, offsets_of, skeleton_points, world_rotations
 from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.errors import InputError
 from kpopnet.rotations import rotate
@@ -83,19 +83,12 @@ def read_vmd(path: Path) -> NamedPoints:
         rotated, rest_m = world_rotations(quats, _PARENTS), _rest_m()
         positions_m = joint_positions(rotated, places_m[:, 0], offsets_of(rest_m, _PARENTS), _PARENTS)
         for bone, parent in enumerate(_PARENTS[1:], 1):  # by what a bone moves itself, all below it move
-            below = [one for one in range(bone, len(_NAMES)) if bone in _chain(one)]
+            below = [one for one in range(bone, len(_NAMES)) if bone in chain(one, _PARENTS)]
             positions_m[:, below] += rotate(rotated[:, parent], places_m[:, bone])[:, None]
         for side in "左右":
             moved = side + "足IK" in keys or side + "足" not in keys
             _follow(side, positions_m, rotated, rest_m, _switched_on(switches.get(side + "足IK", []), frames) & moved)
         return skeleton_points(_FOUND, positions_m, fps=FPS)
-
-
-def _chain(bone: int) -> list[int]:
-    up = [bone]
-    while _PARENTS[up[-1]] >= 0:
-        up.append(_PARENTS[up[-1]])
-    return up
 
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, list[tuple[int, bool]]]]:
