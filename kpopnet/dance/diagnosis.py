@@ -13,6 +13,7 @@ from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.performance import MAX_DURATION_S, Performance
 from kpopnet.dance.scoring import Scorer, Stretches, TimeGrid, score_dance
 from kpopnet.dance.window import WINDOW_S
+from kpopnet.dance.words.causes import mean_of_known
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.skeleton import MIRROR, Joint
@@ -206,13 +207,8 @@ class _Pair(NamedTuple):
         frames = grid.frames_of(learner)
         features = grid.features(*grid.resampled(learner, frames))
         distances = banded_distances(features, grid.teacher, frames.start, band, self.scorer.outlier_rad)
-        finite = np.isfinite(distances)
-        enough = finite.sum(axis=0) >= max(min(len(frames), len(grid.frames)) / 2, round(WINDOW_S * SEARCH_FPS))
-        if not enough.any():
-            return 0.0, np.inf
-        total = np.where(finite, distances, 0).sum(axis=0)
-        mean = np.where(enough, total / np.maximum(finite.sum(axis=0), 1), np.inf)
-        column = int(mean.argmin())
+        mean = mean_of_known(distances, max(min(len(frames), len(grid.frames)) / 2, round(WINDOW_S * SEARCH_FPS)))
+        column = int(mean.argmin()) if np.isfinite(mean).any() else band
         return (band - column) / SEARCH_FPS, float(mean[column])
 
 

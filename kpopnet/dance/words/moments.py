@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kpopnet.dance.dimensions.stage import runs
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.parts import known_noise
 from kpopnet.dance.scoring import DanceScore
@@ -83,12 +84,6 @@ class Losses:
         unseen = np.array([100 * (1 - np.nan_to_num(windows.coverage[name], nan=1.0)) for name in PARTS])
         self.parts = self.posture * np.maximum(short - unseen, 0) / np.maximum(short.sum(axis=0), 1e-9)  # (P, N)
         self.total = share * (100 - np.nan_to_num(windows.similarity, nan=100.0))
-
-
-def runs(flags: np.ndarray) -> list[slice]:
-    """The runs of true values of (N,) flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def span(score: DanceScore, run: slice) -> tuple[float, float]:
