@@ -73,10 +73,3 @@ def test_the_scale_of_any_file_may_be_given(tmp_path):
     for scale in (0, float("nan")):
         with pytest.raises(InputError, match="units a metre; expected a positive number"):
             open_depth(tmp_path / "a.npy", CAMERA, depth_scale=scale)
-
-
-@pytest.mark.parametrize(("name", "told"), [("a.oni", "pyoni"), ("a.SVO2", "zed")])
-def test_recordings_that_others_convert_name_the_converter(name, told, tmp_path):
-    (tmp_path / name).write_bytes(b"x")
-    with pytest.raises(InputError, match=rf"{name}: .* convert it to 16-bit PNG: .*{told}"):
-        open_depth(tmp_path / name)
