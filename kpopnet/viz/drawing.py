@@ -15,7 +15,7 @@ from kpopnet.skeleton import BONES, JOINT_NAMES
 BACKGROUND = (24, 24, 28)
 NEAREST_GREY, FARTHEST_GREY = 215, 75
 TEXT = (235, 235, 235)
-TEXT_HEIGHT_PX = 18
+TEXT_HEIGHT_PX, GAP_PX = 18, 6
 _SUBPIXEL_BITS = 4  # cv2 takes the end points of lines in sixteenths of a pixel
 
 
@@ -152,14 +152,14 @@ def with_captions(image: np.ndarray, captions: tuple[str, ...]) -> np.ndarray:
     return np.concatenate([image, strip])
 
 
-def write(image: np.ndarray, text: str, left_bottom: tuple[int, int], colour: tuple[int, int, int] = TEXT) -> int:
+def write(image: np.ndarray, text: str, left_bottom: tuple[int, int]) -> int:
     """Writes a line of text into an image, in a smaller font where it would not fit; returns its width in pixels."""
     text = text.encode("utf-8", "backslashreplace").decode()  # OpenCV crashes at half of a surrogate pair
     available = image.shape[1] - left_bottom[0] - 4
     size = 0.42
     width = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0]
     size *= min(1.0, available / max(width, 1))
-    cv2.putText(image, text, left_bottom, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+    cv2.putText(image, text, left_bottom, cv2.FONT_HERSHEY_SIMPLEX, size, TEXT, 1, cv2.LINE_AA)
     return min(width, available)
 
 
@@ -177,21 +177,19 @@ def legend(styles: tuple[Style, ...], width_px: int) -> np.ndarray:
     return strip
 
 
-def sheet(
-    rows: list[tuple[str, list[np.ndarray]]], styles: tuple[Style, ...] = (), title: str = "", gap_px: int = 6
-) -> np.ndarray:
+def sheet(rows: list[tuple[str, list[np.ndarray]]], styles: tuple[Style, ...] = (), title: str = "") -> np.ndarray:
     """Arranges images in rows, each with a title, which may be empty; a title and a legend stand above."""
     bands = []
     for _, tiles in rows:
         height = max(len(tile) for tile in tiles)
-        bands.append(np.concatenate([_bordered(tile, height - len(tile), left=gap_px) for tile in tiles], axis=1))
-    width = max(band.shape[1] for band in bands) + gap_px
+        bands.append(np.concatenate([_bordered(tile, height - len(tile), left=GAP_PX) for tile in tiles], axis=1))
+    width = max(band.shape[1] for band in bands) + GAP_PX
     no_image = np.empty((0, width, 3), np.uint8)
     parts = [with_captions(no_image, (title,))] if title else []
     parts += [legend(styles, width)] if styles else []
     for (row_title, _), band in zip(rows, bands, strict=True):
         parts += [with_captions(no_image, (row_title,))] if row_title else []
-        parts.append(_bordered(band, gap_px, right=width - band.shape[1]))
+        parts.append(_bordered(band, GAP_PX, right=width - band.shape[1]))
     return np.concatenate(parts)
 
 

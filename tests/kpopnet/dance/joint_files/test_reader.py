@@ -14,7 +14,7 @@ from kpopnet.dance.joint_files.points import (
     IMPERIAL_NAMES,
     MEDIAPIPE_NAMES,
     NamedPoints,
-    named_performance,
+    named_performances,
     plain_name,
 )
 from kpopnet.dance.joint_files.reader import read_performance
@@ -218,7 +218,7 @@ def test_nothing_in_a_file_is_run(tmp_path):
 
 def joints_m(points: np.ndarray) -> np.ndarray:
     names = COCO_NAMES if points.shape[1] == 17 else IMPERIAL_NAMES
-    return named_performance(NamedPoints(names, points, fps=60.0), "x").joints_m
+    return named_performances([(NamedPoints(names, points, fps=60.0), "x")])[0].joints_m
 
 
 def test_indices_of_points_are_the_published_ones():
