@@ -87,7 +87,10 @@ def read_vmd(path: Path) -> NamedPoints:
             positions_m[:, below] += rotate(rotated[:, parent], places_m[:, bone])[:, None]
         for side in "左右":
             moved = side + "足IK" in keys or side + "足" not in keys
-            _follow(side, positions_m, rotated, rest_m, _switched_on(switches.get(side + "足IK", []), frames) & moved)
+            on = np.full(frames, moved)
+            for frame, switched_on in sorted(switches.get(side + "足IK", [])):
+                on[frame:] = moved and switched_on
+            _follow(side, positions_m, rotated, rest_m, on)
         return skeleton_points(_FOUND, positions_m, fps=FPS)
 
 
@@ -154,14 +157,6 @@ def _sampled(keys: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
     quats = first * Rotation.from_rotvec(y[:, 3:] * (first.inv() * last).as_rotvec())
     places = keys["place"][before] + y[:, :3] * (keys["place"][after] - keys["place"][before])
     return quats.as_quat(scalar_first=True), UNIT_M * places * [1, 1, -1]
-
-
-def _switched_on(switches: list[tuple[int, bool]], frames: int) -> np.ndarray:
-    """(T,) whether an IK is on, which it is where nothing is said."""
-    on = np.ones(frames, bool)
-    for frame, state in sorted(switches):
-        on[frame:] = state
-    return on
 
 
 def _follow(side: str, positions_m: np.ndarray, rotated: np.ndarray, rest_m: np.ndarray, on: np.ndarray) -> None:

@@ -112,10 +112,8 @@ def posture_moments(score: DanceScore, losses: Losses, explained: np.ndarray) ->
             for run in runs(kind == one):
                 # What is most wrong says most about by how much: the edges of a fault lie within windows.
                 weights = weight[run, angle] * abs(error_deg[run, angle])
-                degrees, points = (
-                    float(np.average(error_deg[run, angle], weights=weights)),
-                    float(losses.parts[part, run].sum()),
-                )
+                degrees = float(np.average(error_deg[run, angle], weights=weights))
+                points = float(losses.parts[part, run].sum())
                 joint, less, greater = _WORDS[names[angle]]
                 direction, (start_s, end_s) = greater if degrees > 0 else less, span(score, run)
                 fault = posture_text(PARTS[part], joint, degrees, direction)

@@ -226,7 +226,10 @@ def test_a_vmd_motion_is_danced_by_the_mean_adult(tmp_path):
     for one in feet:
         apart = [np.linalg.norm(found.joints_m[:, feet] - found.joints_m[:, [one]], axis=-1) for found in (followed, read)]
         np.testing.assert_allclose(*apart, atol=1e-3)
-    off = [(0, f"{sign}足ＩＫ", False) for sign in "左右"]
+    off, on = ([(frame, f"{sign}足ＩＫ", bool(frame)) for sign in "左右"] for frame in (0, 1))
+    again = read_performance(write_vmd(tmp_path / "d.vmd", moved, switches=off + on))
+    steps_m = [one.joints_m[1:, Joint.LEFT_FOOT] - one.joints_m[1:, Joint.RIGHT_FOOT] for one in (again, followed)]
+    np.testing.assert_allclose(*np.linalg.norm(steps_m, axis=-1), atol=1e-3)
     still = {f"{sign}足ＩＫ": [(0, (9, 9, 9), (0, 0, 0, 1))] for sign in "左右"}
     assert_joints_lie_at(read_performance(write_vmd(tmp_path / "c.vmd", bones | still, switches=off)), at)
 
