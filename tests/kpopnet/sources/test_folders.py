@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from depth_files import CAMERA, FPS, SCANNET_MATRIX, depth_mm, save_images, write_npz, write_pngs, write_scannet, write_tum
+from depth_files import CAMERA, FPS, SCANNET_MATRIX, depth_mm, save_images, write_pngs, write_scannet, write_tum
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
@@ -18,6 +18,9 @@ def test_tum(tmp_path):
     np.testing.assert_allclose([image.depth_m for image in images], IMAGES / 5000, rtol=1e-6)
     np.testing.assert_allclose([image.time_s for image in images], np.arange(4) / FPS, atol=1e-5)
     np.testing.assert_allclose(list(open_depth(tmp_path / "mine", CAMERA, depth_scale=1000)), IMAGES / 1000, rtol=1e-6)
+    for scale in (0, float("nan")):
+        with pytest.raises(InputError, match="units a metre; expected a positive number"):
+            open_depth(tmp_path / "mine", CAMERA, depth_scale=scale)
     with pytest.raises(InputError, match="does not state its camera"):
         open_depth(tmp_path / "mine")
     vga = np.tile(IMAGES, (1, 10, 10))
@@ -64,12 +67,3 @@ def test_loose_images_and_folders_of_folders_are_refused_with_what_is_there(tmp_
     write_pngs(tmp_path / "outer" / "depth", IMAGES)
     with pytest.raises(InputError, match=r"no image named \* in it; .*a folder in it is meant: depth"):
         open_depth(tmp_path / "outer", CAMERA)
-
-
-def test_the_scale_of_any_file_may_be_given(tmp_path):
-    np.save(tmp_path / "a.npy", IMAGES.astype(np.float32))
-    for path in (write_npz(tmp_path / "b.npz", IMAGES), tmp_path / "a.npy"):
-        np.testing.assert_allclose(list(open_depth(path, CAMERA, depth_scale=4000)), IMAGES / 4000, rtol=1e-6)
-    for scale in (0, float("nan")):
-        with pytest.raises(InputError, match="units a metre; expected a positive number"):
-            open_depth(tmp_path / "a.npy", CAMERA, depth_scale=scale)
