@@ -185,6 +185,7 @@ def test_what_is_missing_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "message"),
     [
+        ("a.fbx", "Kaydara FBX Binary", "FBX is a closed format; .*export BVH"),
         ("a.txt", "", r"expected a file that ends with \.npz, \.bvh, \.csv, \.json"),
         ("a.csv", "p_x,p_y,p_z\n1,2,three\n", "line 2: expected a number, found 'three'"),
         ("a.json", '{"frames": [{"joints": {"hip": [1, 2]}}]}', "frame 0, hip: expected 3 numbers"),
