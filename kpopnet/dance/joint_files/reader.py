@@ -1,6 +1,5 @@
 """Reads a recording of joints from a file of any of the known formats: a reader for each kind of file."""
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -213,18 +212,15 @@ def _points(value: Any, count: int, where: str) -> list[list[float]]:
 
 def _azure_points(names: list[str], frames: list[dict], where: str) -> NamedPoints:
     """The recording of the body that is seen most; times count from the first frame."""
-    seen: Counter[int] = Counter()
+    positions: dict[int, dict[int, list]] = {}  # of each body in each frame where it is seen
     for number, frame in enumerate(frames):
         check_fields(f"{where}: frame {number}", frame, {"bodies": list[dict], "timestamp_usec": int})
         for body in frame["bodies"]:
             check_fields(f"{where}: frame {number}", body, {"body_id": int, "joint_positions": list})
-            seen[body["body_id"]] += 1
-    expect(bool(seen), where, "a body in some frame, found none")
-    chosen = seen.most_common(1)[0][0]
+            positions.setdefault(body["body_id"], {})[number] = body["joint_positions"]
+    expect(bool(positions), where, "a body in some frame, found none")
     points = np.full((len(frames), len(names), 3), np.nan)
-    for number, frame in enumerate(frames):
-        for body in frame["bodies"]:
-            if body["body_id"] == chosen:
-                points[number] = _points(body["joint_positions"], len(names), f"{where}: frame {number}, joint_positions")
+    for number, found in max(positions.values(), key=len).items():
+        points[number] = _points(found, len(names), f"{where}: frame {number}, joint_positions")
     start = frames[0]["timestamp_usec"]
     return NamedPoints(names, points, np.array([(frame["timestamp_usec"] - start) / 1e6 for frame in frames]))
