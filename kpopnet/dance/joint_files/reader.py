@@ -24,14 +24,7 @@ from kpopnet.dance.joint_files.tables import TIMES, joint_points, numbers_in, re
 from kpopnet.dance.joint_files.vmd import read_vmd
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import (
-    ArraySchema,
-    check_array,
-    check_fields,
-    expect,
-    read_json,
-    read_npz,
-)
+from kpopnet.runtime.input_files import ArraySchema, check_array, check_fields, expect, read_json, read_npz
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 
