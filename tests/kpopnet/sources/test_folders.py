@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from depth_files import CAMERA, FPS, SCANNET_MATRIX, depth_mm, save_images, write_pngs, write_scannet, write_tum
+from depth_files import CAMERA, FPS, SCANNET_MATRIX, depth_mm, save_images, write_scannet, write_tum
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
@@ -57,13 +57,3 @@ def test_ntu(tmp_path):
     with pytest.raises(InputError, match=r"2 kinds of names \(Depth-#, MDepth-#"):
         open_depth(tmp_path / "S001C001P001R001A001")
     assert open_depth(tmp_path / "S001C001P001R001A001", key="Depth*").camera == CAMERAS["kinect_2"]
-
-
-def test_loose_images_and_folders_of_folders_are_refused_with_what_is_there(tmp_path):
-    for name in ("ann", "bob"):
-        save_images(tmp_path / "loose", f"{name}{{}}.png", IMAGES[:1])
-    with pytest.raises(InputError, match=r"loose: images of 2 kinds of names \(ann#, bob#; .*--key"):
-        open_depth(tmp_path / "loose", CAMERA)
-    write_pngs(tmp_path / "outer" / "depth", IMAGES)
-    with pytest.raises(InputError, match=r"no image named \* in it; .*a folder in it is meant: depth"):
-        open_depth(tmp_path / "outer", CAMERA)

@@ -172,6 +172,8 @@ def test_images_that_are_no_depth_are_refused_and_a_pattern_leaves_them_out(tmp_
         open_depth(folder, CAMERA)
     with pytest.raises(InputError, match="no image named infrared"):
         open_depth(folder, CAMERA, key="infrared*")
+    with pytest.raises(InputError, match=r"no image named \* in it; .*a folder in it is meant: images"):
+        open_depth(tmp_path, CAMERA)
     Image.fromarray(MILLIMETRES[0, :40]).save(folder / "depth5.png")
     with pytest.raises(InputError, match=r"depth5\.png: expected the camera's 64x48 pixels, got 64x40"):
         list(open_depth(folder, CAMERA, key="depth*.png"))
