@@ -5,6 +5,7 @@ dancer gains nothing from any of them. It is corrected only if the gain is large
 """
 
 from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -140,19 +141,20 @@ def diagnose(
         )
         return Diagnosis(teacher, learner, [RecordingFault(Said(text), None, "sides")])
     pair = _Pair(teacher, learner, scorer, free_s)
-    plain = pair.score(Correction())
+    score = cache(pair.score)  # of a dance without faults all corrections are the same, none
+    plain = score(Correction())
     best = min(_guesses(wrong, teacher, learner), key=lambda one: pair.fit(one)[1])
     best = best._replace(late_s=best.late_s + pair.fit(best)[0])
-    best = best._replace(late_s=best.late_s + pair.score(best).delay_s)
+    best = best._replace(late_s=best.late_s + score(best).delay_s)
     if abs(best.late_s) < MIN_DELAY_S:
         best = best._replace(late_s=0.0)
-    fitted = pair.score(best)
+    fitted = score(best)
     if not fitted.gains(plain, MIN_GAIN):
         text = "the {dancer}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
         names = [name for name, backwards in wrong.items() if backwards]
         faults = [RecordingFault(Said(text, dancer=Said(name)), None, "sides") for name in names]
         return Diagnosis(teacher, learner, faults)
-    without_sure = pair.score(best.sure)
+    without_sure = score(best.sure)
     corrects = not as_is and without_sure.gains(plain, SURE_GAIN) and without_sure.losing(plain) <= LOSING
     rest, now = (best.rest, without_sure) if corrects else (best, plain)
     told = _descriptions(rest, teacher, learner, late_s) if fitted.gains(now, MIN_GAIN) else ()
