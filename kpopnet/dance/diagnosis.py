@@ -249,7 +249,6 @@ def _guesses(wrong: dict[str, bool], teacher: Performance, learner: Performance)
 
 
 def _fps(performance: Performance) -> float:
-    """Median frame rate."""
     return 1 / float(np.median(np.diff(performance.times_s))) if len(performance) > 1 else 1.0
 
 

@@ -87,7 +87,6 @@ def _confident(depth: np.ndarray, confidence: np.ndarray, where: str) -> np.ndar
 
 
 def read_record3d(path: Path) -> Recording:
-    """A recording of Record3D."""
     with optional_library(str(path), "lzfse", "record3d"):
         import lzfse
     with parsing(path, NOT_RECORD3D), zipfile.ZipFile(path) as archive:

@@ -40,7 +40,6 @@ def overlay_sheet(tiles: Sequence[tuple[str, np.ndarray]], title: str) -> np.nda
 
 
 def resized(image: np.ndarray, width_px: int) -> np.ndarray:
-    """Shrinks an image to a width."""
     return enlarged(image, width_px, cv2.INTER_AREA)
 
 
