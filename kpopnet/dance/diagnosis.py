@@ -141,7 +141,7 @@ def diagnose(
         )
         return Diagnosis(teacher, learner, [RecordingFault(Said(text), None, "sides")])
     pair = _Pair(teacher, learner, scorer, free_s)
-    score = cache(pair.score)  # of a dance without faults all corrections are the same, none
+    score = cache(pair.score)  # without a fault all the corrections below are equal
     plain = score(Correction())
     best = min(_guesses(wrong, teacher, learner), key=lambda one: pair.fit(one)[1])
     best = best._replace(late_s=best.late_s + pair.fit(best)[0])
