@@ -5,14 +5,16 @@ dancer gains nothing from any of them. It is corrected only if the gain is large
 """
 
 from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.performance import MAX_DURATION_S, Performance
-from kpopnet.dance.scoring import DanceScore, Scorer, Stretches, TimeGrid, score_dance
+from kpopnet.dance.scoring import Scorer, Stretches, TimeGrid, score_dance
 from kpopnet.dance.window import WINDOW_S
+from kpopnet.dance.words.causes import mean_of_known
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.skeleton import MIRROR, Joint
@@ -138,48 +140,78 @@ def diagnose(
             "handed; the score is that of two dances in a mirror"
         )
         return Diagnosis(teacher, learner, [RecordingFault(Said(text), None, "sides")])
-    plain = _score(teacher, learner, Correction(), scorer, free_s)
-    best = min(_guesses(wrong, teacher, learner), key=lambda one: _fit(teacher, learner, one, scorer, free_s)[1])
-    best = best._replace(late_s=best.late_s + _fit(teacher, learner, best, scorer, free_s)[0])
-    best = best._replace(late_s=best.late_s + _delay_s(_score(teacher, learner, best, scorer, free_s)))
+    pair = _Pair(teacher, learner, scorer, free_s)
+    score = cache(pair.score)  # without a fault all the corrections below are equal
+    plain = score(Correction())
+    best = min(_guesses(wrong, teacher, learner), key=lambda one: pair.fit(one)[1])
+    best = best._replace(late_s=best.late_s + pair.fit(best)[0])
+    best = best._replace(late_s=best.late_s + score(best).delay_s)
     if abs(best.late_s) < MIN_DELAY_S:
         best = best._replace(late_s=0.0)
-    fitted = _score(teacher, learner, best, scorer, free_s)
-    if not _gains(plain, fitted, MIN_GAIN):
+    fitted = score(best)
+    if not fitted.gains(plain, MIN_GAIN):
         text = "the {dancer}'s knees bend backwards: left and right are swapped in the file, or its axes are left-handed"
-        faults = [
-            RecordingFault(Said(text, dancer=Said(name)), None, "sides") for name, backwards in wrong.items() if backwards
-        ]
+        names = [name for name, backwards in wrong.items() if backwards]
+        faults = [RecordingFault(Said(text, dancer=Said(name)), None, "sides") for name in names]
         return Diagnosis(teacher, learner, faults)
-    without_sure = _score(teacher, learner, best.sure, scorer, free_s)
-    corrects = not as_is and _gains(plain, without_sure, SURE_GAIN) and _losing(plain, without_sure) <= LOSING
+    without_sure = score(best.sure)
+    corrects = not as_is and without_sure.gains(plain, SURE_GAIN) and without_sure.losing(plain) <= LOSING
     rest, now = (best.rest, without_sure) if corrects else (best, plain)
-    told = _descriptions(rest, teacher, learner, late_s) if _gains(now, fitted, MIN_GAIN) else ()
-    faults = [RecordingFault(text, _similarity(fitted), about) for about, text in told]
+    told = _descriptions(rest, teacher, learner, late_s) if fitted.gains(now, MIN_GAIN) else ()
+    faults = [RecordingFault(text, fitted.similarity, about) for about, text in told]
     if not corrects:
         return Diagnosis(teacher, learner, faults)
-    return Diagnosis(*_after(teacher, learner, best.sure), faults, best.sure, _similarity(plain), _similarity(now))
+    return Diagnosis(*pair.after(best.sure), faults, best.sure, plain.similarity, now.similarity)
 
 
-def _similarity(score: DanceScore | None) -> float:
-    return 0.0 if score is None else float(np.nan_to_num(score.similarity))
+class _Result(NamedTuple):
+    """What a correction makes of the score: as of a dance of which no window is covered."""
+
+    similarity: float = 0.0  # 0 to 100
+    windows: np.ndarray = np.zeros(0)  # (N,) their similarity, 0 where unknown
+    delay_s: float = 0.0  # the learner's median delay; 0 if unknown
+
+    def gains(self, before: "_Result", points: float) -> bool:
+        return self.similarity >= max(MIN_CORRECTED, before.similarity + points)
+
+    def losing(self, before: "_Result") -> float:
+        """The fraction of the windows that score MIN_GAIN less than before."""
+        return float(np.mean(before.windows >= self.windows + MIN_GAIN)) if len(before.windows) else 0.0
 
 
-def _delay_s(score: DanceScore | None) -> float:
-    """The learner's median delay in seconds; 0 if unknown."""
-    delay_s = np.array([]) if score is None else score.windows.delay_s[np.isfinite(score.windows.delay_s)]
-    return float(np.median(delay_s)) if len(delay_s) else 0.0
+class _Pair(NamedTuple):
+    """Two recorded dances, and how they are scored."""
 
+    teacher: Performance
+    learner: Performance
+    scorer: Scorer
+    free_s: Stretches
 
-def _gains(before: DanceScore | None, after: DanceScore | None, points: float) -> bool:
-    return _similarity(after) >= max(MIN_CORRECTED, _similarity(before) + points)
+    def after(self, guess: Correction) -> tuple[Performance, Performance]:
+        """Both performances without the supposed faults."""
+        learner = delayed(corrected(self.learner, guess.learner), guess.late_s, guess.rate)
+        return corrected(self.teacher, guess.teacher), learner
 
+    def score(self, guess: Correction) -> _Result:
+        """The score without the supposed faults."""
+        try:
+            score = score_dance(*self.after(guess), self.scorer, free_s=self.free_s)
+        except InputError:
+            return _Result()
+        delay_s = score.windows.delay_s[np.isfinite(score.windows.delay_s)]
+        median_s = float(np.median(delay_s)) if len(delay_s) else 0.0
+        return _Result(float(np.nan_to_num(score.similarity)), np.nan_to_num(score.windows.similarity), median_s)
 
-def _losing(before: DanceScore | None, after: DanceScore | None) -> float:
-    """The fraction of the windows that score MIN_GAIN less after a correction."""
-    if before is None or after is None:
-        return 0.0
-    return float(np.mean(np.nan_to_num(before.windows.similarity) >= np.nan_to_num(after.windows.similarity) + MIN_GAIN))
+    def fit(self, guess: Correction) -> tuple[float, float]:
+        """The delay in seconds at which the learner's frames are nearest to the teacher's, and their mean distance there."""
+        teacher, learner = self.after(guess)
+        grid, band = TimeGrid(teacher, self.scorer.feature, SEARCH_FPS, self.free_s), round(SEARCH_S * SEARCH_FPS)
+        frames = grid.frames_of(learner)
+        features = grid.features(*grid.resampled(learner, frames))
+        distances = banded_distances(features, grid.teacher, frames.start, band, self.scorer.outlier_rad)
+        mean = mean_of_known(distances, max(min(len(frames), len(grid.frames)) / 2, round(WINDOW_S * SEARCH_FPS)))
+        column = int(mean.argmin()) if np.isfinite(mean).any() else band
+        return (band - column) / SEARCH_FPS, float(mean[column])
 
 
 def knees_bend_backwards(performance: Performance) -> bool:
@@ -217,84 +249,37 @@ def _guesses(wrong: dict[str, bool], teacher: Performance, learner: Performance)
 
 
 def _fps(performance: Performance) -> float:
-    """Median frame rate."""
     return 1 / float(np.median(np.diff(performance.times_s))) if len(performance) > 1 else 1.0
-
-
-def _after(teacher: Performance, learner: Performance, guess: Correction) -> tuple[Performance, Performance]:
-    """Both performances without the supposed faults."""
-    return corrected(teacher, guess.teacher), delayed(corrected(learner, guess.learner), guess.late_s, guess.rate)
-
-
-def _fit(
-    teacher: Performance, learner: Performance, guess: Correction, scorer: Scorer, free_s: Stretches
-) -> tuple[float, float]:
-    """The delay in seconds at which the learner's frames are nearest to the teacher's, and their mean distance there."""
-    teacher, learner = _after(teacher, learner, guess)
-    grid, band = TimeGrid(teacher, scorer.feature, SEARCH_FPS, free_s), round(SEARCH_S * SEARCH_FPS)
-    frames = grid.frames_of(learner)
-    features = grid.features(*grid.resampled(learner, frames))
-    distances = banded_distances(features, grid.teacher, frames.start, band, scorer.outlier_rad)
-    finite = np.isfinite(distances)
-    enough = finite.sum(axis=0) >= max(min(len(frames), len(grid.frames)) / 2, round(WINDOW_S * SEARCH_FPS))
-    if not enough.any():
-        return 0.0, np.inf
-    total = np.where(finite, distances, 0).sum(axis=0)
-    mean = np.where(enough, total / np.maximum(finite.sum(axis=0), 1), np.inf)
-    column = int(mean.argmin())
-    return (band - column) / SEARCH_FPS, float(mean[column])
-
-
-def _score(
-    teacher: Performance, learner: Performance, guess: Correction, scorer: Scorer, free_s: Stretches
-) -> DanceScore | None:
-    """The score without the supposed faults; None if no window is covered."""
-    try:
-        return score_dance(*_after(teacher, learner, guess), scorer, free_s=free_s)
-    except InputError:
-        return None
 
 
 def _descriptions(guess: Correction, teacher: Performance, learner: Performance, late_s: float) -> Iterator[tuple[str, str]]:
     """The faults of a guess: what each is about, and its text; the learner's times were set back by `late_s` already."""
-    causes = {
+    faults = {
         "mirrored": (
-            "mirror",
-            "dances mirrored: a left-handed dancer, one who faces the teacher as a mirror, or a mirrored video",
+            "mirror", "dances mirrored: a left-handed dancer, one who faces the teacher as a mirror, or a mirrored video"
         ),
         "swapped": ("sides", "has left and right swapped among the joints: the knees bend backwards"),
         "reflected": ("sides", "has left-handed axes: the knees bend backwards"),
-    }
+    }  # fmt: skip
     for name, correction in (("teacher", guess.teacher), ("learner", guess.learner)):
-        if correction in causes:
-            about, cause = causes[correction]
-            option = f"--correct-{name} {correction}"
-            yield (
-                about,
-                Said("the {dancer} {fault}. To correct it: {option}", dancer=Said(name), fault=Said(cause), option=option),
-            )
+        if correction in faults:
+            about, fault = faults[correction]
+            text, option = "the {dancer} {fault}. To correct it: {option}", f"--correct-{name} {correction}"
+            yield about, Said(text, dancer=Said(name), fault=Said(fault), option=option)
     if guess.rate != 1:
-        yield (
-            "tempo",
-            Said(
-                "the learner's clock runs wrong: the dance fits if its times are multiplied by {factor}. Was the learner "
-                "recorded at {learner_fps} frames a second, not {learner_stated} (--learner-fps), or the "
-                "teacher at {teacher_fps}, not {teacher_stated} (--teacher-fps)?",
-                factor=f"{guess.rate:.3g}",
-                learner_fps=f"{_fps(learner) / guess.rate:.3g}",
-                learner_stated=f"{_fps(learner):.3g}",
-                teacher_fps=f"{_fps(teacher) * guess.rate:.3g}",
-                teacher_stated=f"{_fps(teacher):.3g}",
-            ),
+        text = (
+            "the learner's clock runs wrong: the dance fits if its times are multiplied by {factor}. Was the learner "
+            "recorded at {learner_fps} frames a second, not {learner_stated} (--learner-fps), or the "
+            "teacher at {teacher_fps}, not {teacher_stated} (--teacher-fps)?"
         )
+        learner_fps, teacher_fps = _fps(learner), _fps(teacher)
+        rates = {"learner_fps": learner_fps / guess.rate, "learner_stated": learner_fps}
+        rates |= {"teacher_fps": teacher_fps * guess.rate, "teacher_stated": teacher_fps, "factor": guess.rate}
+        yield "tempo", Said(text, **{name: f"{rate:.3g}" for name, rate in rates.items()})
     if guess.late_s:
-        yield (
-            "delay",
-            Said(
-                "the learner is {seconds} s {word} throughout: the clocks start "
-                "at different instants of the music, or the set-up has a latency. To correct it: {option}",
-                seconds=f"{abs(guess.late_s):.2f}",
-                word=Said("late" if guess.late_s > 0 else "early"),
-                option=f"--late {late_s + guess.late_s:.2f}",
-            ),
+        text = (
+            "the learner is {seconds} s {word} throughout: the clocks start at different instants of the music, or the set-up "
+            "has a latency. To correct it: {option}"
         )
+        word, option = Said("late" if guess.late_s > 0 else "early"), f"--late {late_s + guess.late_s:.2f}"
+        yield "delay", Said(text, seconds=f"{abs(guess.late_s):.2f}", word=word, option=option)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from kpopnet.dance.diagnosis import RecordingFault
+from kpopnet.dance.dimensions.stage import runs
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.window import LIMBS
 from kpopnet.dance.words.causes import CAUSES, causes
@@ -26,7 +27,6 @@ from kpopnet.dance.words.moments import (
     lateness,
     posture_moments,
     posture_text,
-    runs,
     span,
     timing_moments,
 )

@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performance
+from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performances
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.dance_set import TEACHER, is_learner_name
@@ -101,7 +101,7 @@ def convert_imperial(source: Path, out: Path) -> None:
 
 def imperial_performance(points: np.ndarray, path: Path) -> Performance:
     """The dance of (T, 21, 3) points of ImperialDance."""
-    return named_performance(NamedPoints(IMPERIAL_NAMES, np.array(points), fps=IMPERIAL_FPS), str(path))
+    return named_performances([(NamedPoints(IMPERIAL_NAMES, np.array(points)), str(path))], IMPERIAL_FPS)[0]
 
 
 @user_errors

@@ -12,8 +12,7 @@ import csv
 import math
 import re
 import zipfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +33,8 @@ CENTRED = 0.05
 METADATA = {"K": list[float], "w": int, "h": int, "dw": int, "dh": int, "fps": float, "frameTimestamps": list[float]}
 MAX_METADATA_BYTES, PACKED_MOST = 64_000_000, 2
 """LZFSE stores at most a little more than it was given."""
+
+NOT_RECORD3D = "not a readable archive of Record3D"
 
 
 def read_stray(folder: Path) -> Recording | None:
@@ -86,9 +87,9 @@ def _confident(depth: np.ndarray, confidence: np.ndarray, where: str) -> np.ndar
 
 
 def read_record3d(path: Path) -> Recording:
-    """A recording of Record3D."""
-    unpack = _lzfse(path)
-    with _archive(path) as archive:
+    with optional_library(str(path), "lzfse", "record3d"):
+        import lzfse
+    with parsing(path, NOT_RECORD3D), zipfile.ZipFile(path) as archive:
         held = {info.filename: info for info in archive.infolist()}
         numbers = sorted(int(found[1]) for name in held if (found := re.fullmatch(r"rgbd/([0-9]{1,7})\.depth", name)))
         expect(
@@ -108,12 +109,12 @@ def read_record3d(path: Path) -> Recording:
         where, size = f"{path}: {name}", width * height * np.dtype(dtype).itemsize
         expect(held[name].file_size <= PACKED_MOST * size + 1000, where, f"{size:,} bytes, packed by LZFSE")
         with parsing(where, "not packed by LZFSE, or damaged"):
-            content = unpack(archive.read(name))
+            content = lzfse.decompress(archive.read(name))
         expect(len(content) == size, where, f"{size:,} bytes for {width}x{height} pixels, found {len(content):,}")
         return np.frombuffer(content, dtype).reshape(height, width)
 
     def images() -> Iterator[StoredImage]:
-        with _archive(path) as archive:
+        with parsing(path, NOT_RECORD3D), zipfile.ZipFile(path) as archive:
             for place, number in enumerate(numbers):
                 depth, confidence = part(archive, f"rgbd/{number}.depth", "<f4"), f"rgbd/{number}.conf"
                 if confidence in held:
@@ -122,15 +123,3 @@ def read_record3d(path: Path) -> Recording:
 
     fps = rate(times_s) or about.get("fps")
     return Recording(images, width, height, len(numbers), fps, colour.resized(width, height))
-
-
-@contextmanager
-def _archive(path: Path) -> Iterator[zipfile.ZipFile]:
-    with parsing(path, "not a readable archive of Record3D"), zipfile.ZipFile(path) as archive:
-        yield archive
-
-
-def _lzfse(path: Path) -> Callable[[bytes], bytes]:
-    with optional_library(str(path), "lzfse", "record3d"):
-        import lzfse
-    return lzfse.decompress

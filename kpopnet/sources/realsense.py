@@ -29,7 +29,6 @@ def library(where: str) -> Any:
 
 
 def _camera_of(profile: Any, where: str) -> Camera:
-    """The camera of a profile of video."""
     lens = profile.get_intrinsics()
     return Camera.from_numbers((lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height), f"{where}: intrinsics")
 
@@ -101,7 +100,6 @@ class RealSenseCamera:
             raise InputError(str(error)) from error
 
     def read(self) -> tuple[np.ndarray, float]:
-        """See `LiveCamera.read`."""
         if self._sensor is None:
             time.sleep(SEARCH_EVERY_S)
             self._connect()
@@ -116,7 +114,6 @@ class RealSenseCamera:
         return depth_in_metres(_depth_of(frame.as_depth_frame()), self.camera, where=NAME), taken
 
     def close(self) -> None:
-        """See `LiveCamera.close`."""
         sensor, self._sensor = self._sensor, None
         if sensor is not None:
             with contextlib.suppress(RuntimeError):  # of a camera that has gone

@@ -18,7 +18,7 @@ from kpopnet.sources.lenses import Optics
 from kpopnet.sources.source import Recording, StoredImage
 
 if TYPE_CHECKING:
-    from av import Packet, VideoFrame
+    from av import VideoFrame
     from av.container import InputContainer
     from av.video.stream import VideoStream
 
@@ -61,10 +61,10 @@ def _images(path: Path) -> Iterator[StoredImage]:
     with _opened(path) as (container, stream):
         packets = container.demux(stream)
         while True:
-            with parsing(f"{path}: frame {number}", "damaged"):
-                frames = _next(packets)
-                if frames is None:
+            with parsing(f"{path}: frame {number}", "damaged"), _heard():
+                if (packet := next(packets, None)) is None:
                     break
+                frames = cast("list[VideoFrame]", packet.decode())
             for frame in frames:
                 expect(frame.format.name in DEPTH_FORMATS, f"{path}: frame {number}", f"16-bit grey, found {frame.format.name}")
                 yield StoredImage(frame.to_ndarray(format="gray16le"), f"{path}: frame {number}", frame.time)
@@ -88,13 +88,6 @@ def _heard(sign: str = "") -> Iterator[None]:
     told = [text.strip() for _, _, text in complaints if sign in text]
     if told:
         raise ValueError(told[0])
-
-
-def _next(packets: Iterator["Packet"]) -> list["VideoFrame"] | None:
-    """The images of the next packet, None after the last."""
-    with _heard():
-        packet = next(packets, None)
-        return None if packet is None else cast("list[VideoFrame]", packet.decode())
 
 
 @contextmanager

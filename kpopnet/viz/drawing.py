@@ -15,7 +15,7 @@ from kpopnet.skeleton import BONES, JOINT_NAMES
 BACKGROUND = (24, 24, 28)
 NEAREST_GREY, FARTHEST_GREY = 215, 75
 TEXT = (235, 235, 235)
-TEXT_HEIGHT_PX = 18
+TEXT_HEIGHT_PX, GAP_PX = 18, 6
 _SUBPIXEL_BITS = 4  # cv2 takes the end points of lines in sixteenths of a pixel
 
 
@@ -104,10 +104,9 @@ def person_view(
     side = max(8, int(np.ceil((high - low).max() * (1 + 2 * margin))))
     x0, y0 = np.round((low + high) / 2 - side / 2).astype(int).tolist()
     view = np.zeros((side, side), np.float32)
-    height, width = depth_m.shape
-    top, bottom, left, right = max(y0, 0), min(y0 + side, height), max(x0, 0), min(x0 + side, width)
-    if top < bottom and left < right:
-        view[top - y0 : bottom - y0, left - x0 : right - x0] = depth_m[top:bottom, left:right]
+    there = depth_m[max(y0, 0) : max(y0 + side, 0), max(x0, 0) : max(x0 + side, 0)]
+    top, left = max(-y0, 0), max(-x0, 0)
+    view[top : top + there.shape[0], left : left + there.shape[1]] = there
     return view, camera.cropped(x0, y0, side, side)
 
 
@@ -139,10 +138,10 @@ def scene_tile(
     return with_captions(image, captions)
 
 
-def enlarged(image: np.ndarray, width_px: int) -> np.ndarray:
-    """Resizes an image to another width with nearest-neighbour interpolation."""
+def enlarged(image: np.ndarray, width_px: int, interpolation: int = cv2.INTER_NEAREST) -> np.ndarray:
+    """Resizes an image to another width."""
     height_px = round(image.shape[0] * width_px / image.shape[1])
-    return cv2.resize(image, (width_px, height_px), interpolation=cv2.INTER_NEAREST)
+    return cv2.resize(image, (width_px, height_px), interpolation=interpolation)
 
 
 def with_captions(image: np.ndarray, captions: tuple[str, ...]) -> np.ndarray:
@@ -153,14 +152,14 @@ def with_captions(image: np.ndarray, captions: tuple[str, ...]) -> np.ndarray:
     return np.concatenate([image, strip])
 
 
-def write(image: np.ndarray, text: str, left_bottom: tuple[int, int], colour: tuple[int, int, int] = TEXT) -> int:
+def write(image: np.ndarray, text: str, left_bottom: tuple[int, int]) -> int:
     """Writes a line of text into an image, in a smaller font where it would not fit; returns its width in pixels."""
     text = text.encode("utf-8", "backslashreplace").decode()  # OpenCV crashes at half of a surrogate pair
     available = image.shape[1] - left_bottom[0] - 4
     size = 0.42
     width = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0]
     size *= min(1.0, available / max(width, 1))
-    cv2.putText(image, text, left_bottom, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+    cv2.putText(image, text, left_bottom, cv2.FONT_HERSHEY_SIMPLEX, size, TEXT, 1, cv2.LINE_AA)
     return min(width, available)
 
 
@@ -178,28 +177,25 @@ def legend(styles: tuple[Style, ...], width_px: int) -> np.ndarray:
     return strip
 
 
-def sheet(
-    rows: list[tuple[str, list[np.ndarray]]], styles: tuple[Style, ...] = (), title: str = "", gap_px: int = 6
-) -> np.ndarray:
+def sheet(rows: list[tuple[str, list[np.ndarray]]], styles: tuple[Style, ...] = (), title: str = "") -> np.ndarray:
     """Arranges images in rows, each with a title, which may be empty; a title and a legend stand above."""
     bands = []
     for _, tiles in rows:
-        height, width = max(tile.shape[0] for tile in tiles), gap_px + sum(gap_px + tile.shape[1] for tile in tiles)
-        band, left = np.full((height, width, 3), BACKGROUND, np.uint8), gap_px
-        for tile in tiles:
-            band[: tile.shape[0], left : left + tile.shape[1]] = tile
-            left += tile.shape[1] + gap_px
-        bands.append(band)
-    width = max(band.shape[1] for band in bands)
+        height = max(len(tile) for tile in tiles)
+        bands.append(np.concatenate([_bordered(tile, height - len(tile), left=GAP_PX) for tile in tiles], axis=1))
+    width = max(band.shape[1] for band in bands) + GAP_PX
     no_image = np.empty((0, width, 3), np.uint8)
     parts = [with_captions(no_image, (title,))] if title else []
     parts += [legend(styles, width)] if styles else []
     for (row_title, _), band in zip(rows, bands, strict=True):
         parts += [with_captions(no_image, (row_title,))] if row_title else []
-        padded = np.full((band.shape[0] + gap_px, width, 3), BACKGROUND, np.uint8)
-        padded[: band.shape[0], : band.shape[1]] = band
-        parts.append(padded)
+        parts.append(_bordered(band, GAP_PX, right=width - band.shape[1]))
     return np.concatenate(parts)
+
+
+def _bordered(image: np.ndarray, below: int, left: int = 0, right: int = 0) -> np.ndarray:
+    """An image with background around it, pixels."""
+    return cv2.copyMakeBorder(image, 0, below, left, right, cv2.BORDER_CONSTANT, value=BACKGROUND)
 
 
 def save_png(path: Path | str, image: np.ndarray) -> None:

@@ -13,7 +13,7 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import install_command
-from kpopnet.viz.drawing import ESTIMATED, scene_tile, sheet, with_captions
+from kpopnet.viz.drawing import ESTIMATED, enlarged, scene_tile, sheet, with_captions
 
 VIDEO_WIDTH_PX, GIF_WIDTH_PX, TILE_WIDTH_PX = 640, 400, 320
 TILES_PER_ROW = 4
@@ -40,9 +40,7 @@ def overlay_sheet(tiles: Sequence[tuple[str, np.ndarray]], title: str) -> np.nda
 
 
 def resized(image: np.ndarray, width_px: int) -> np.ndarray:
-    """Shrinks an image to a width."""
-    height_px = round(image.shape[0] * width_px / image.shape[1])
-    return cv2.resize(image, (width_px, height_px), interpolation=cv2.INTER_AREA)
+    return enlarged(image, width_px, cv2.INTER_AREA)
 
 
 def write_video(path: Path, images: Iterable[np.ndarray], fps: float) -> None:

@@ -126,17 +126,12 @@ def spread_rad(joints_m: np.ndarray, frames: int) -> np.ndarray:
     return np.where(minimum_filter1d(known.astype(np.int8), frames) > 0, spread, np.nan)
 
 
-def speed_rad_s(joints_m: np.ndarray) -> np.ndarray:
-    """(T,) root of the summed squared speeds of all limbs, radians per second; NaN where joints are missing."""
-    directions = limb_directions(joints_m).reshape(len(joints_m), -1)
-    return (
-        np.linalg.norm(np.gradient(directions, axis=0), axis=1) * FPS if len(joints_m) > 1 else np.full(len(joints_m), np.nan)
-    )
-
-
 def accents_s(joints_m: np.ndarray) -> np.ndarray:
     """Times in seconds after the first frame at which the limbs of (T, 15, 3) joints move least."""
-    speed = speed_rad_s(joints_m)
+    if len(joints_m) < 2:
+        return np.zeros(0)
+    directions = limb_directions(joints_m).reshape(len(joints_m), -1)
+    speed = np.linalg.norm(np.gradient(directions, axis=0), axis=1) * FPS  # of all limbs together, radians per second
     known = np.isfinite(speed)
     if not known.any():
         return np.zeros(0)

@@ -130,10 +130,9 @@ class StageScore(NamedTuple):
         for name, errors in self.errors.items():
             dimension = DIMENSIONS[name]
             size = np.nan_to_num(np.linalg.norm(errors, axis=1))
-            edges = np.flatnonzero(np.diff(np.concatenate([[0], size >= dimension.mentioned, [0]])))
-            runs = [slice(*run) for run in edges.reshape(-1, 2).tolist() if run[1] - run[0] >= LEAST_S * FPS]
-            if runs:
-                run = max(runs, key=lambda one: size[one].sum())
+            long = [run for run in runs(size >= dimension.mentioned) if run.stop - run.start >= LEAST_S * FPS]
+            if long:
+                run = max(long, key=lambda one: size[one].sum())
                 typical = np.median(errors[run], axis=0)
                 component = int(abs(typical).argmax())
                 words = dimension.words[component][int(typical[component] > 0)]
@@ -167,6 +166,12 @@ def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarra
         if len(compared) > LEAST_KNOWN * len(staying):
             figures[name] = figure(compared, staying)
     return StageScore(figures, errors, learner.length_m)
+
+
+def runs(flags: np.ndarray) -> list[slice]:
+    """The runs of true values of (N,) flags."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags, [0]])))
+    return [slice(*run) for run in edges.reshape(-1, 2).tolist()]
 
 
 def figure(compared: np.ndarray, staying: np.ndarray) -> float:

@@ -101,13 +101,7 @@ def find_joints(names: Sequence[str], parents: Sequence[int], path: Path) -> dic
             "Rename the joints to MotionBuilder's or Mixamo's names"
         )
 
-    def chain(joint: int) -> list[int]:
-        up = [joint]
-        while parents[up[-1]] >= 0:
-            up.append(parents[up[-1]])
-        return up[::-1]
-
-    to_left, to_right, to_head = (chain(i) for i in (found["LeftArm"], found["RightArm"], by_name["head"]))
+    to_left, to_right, to_head = (chain(i, parents) for i in (found["LeftArm"], found["RightArm"], by_name["head"]))
     trunk = [i for i in to_left if i in to_right and i in to_head]
     if hips not in trunk or len(trunk) == trunk.index(hips) + 1:
         raise InputError(f"{path}: no spine joint between {names[hips]} and the arms; all joints: {', '.join(names[:100])}")
@@ -118,6 +112,14 @@ def find_joints(names: Sequence[str], parents: Sequence[int], path: Path) -> dic
     if neck:
         found |= {"Neck": neck[0], "Neck1": neck[-1]}
     return found
+
+
+def chain(joint: int, parents: Sequence[int]) -> list[int]:
+    """The joints from the root to one of them."""
+    up = [joint]
+    while parents[up[-1]] >= 0:
+        up.append(parents[up[-1]])
+    return up[::-1]
 
 
 def skeleton_points(

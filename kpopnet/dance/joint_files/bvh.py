@@ -85,7 +85,6 @@ class _Lines:
 
     @property
     def left(self) -> int:
-        """Lines that are still to be read."""
         return len(self._lines) - self.number
 
     def next(self, expected: str) -> list[str]:

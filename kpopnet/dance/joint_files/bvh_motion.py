@@ -91,14 +91,9 @@ def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:
 
 def bvh_points(motion: BvhMotion) -> NamedPoints:
     """The joints of a recorded skeleton by the names of points, metres, y up."""
-    return skeleton_points(motion.found, bvh_points_m(motion), fps=motion.fps)
-
-
-def bvh_points_m(motion: BvhMotion) -> np.ndarray:
-    """(T, J, 3) positions in metres of all joints of the recorded skeleton, by forward kinematics."""
-    return joint_positions(
-        motion.rotated, motion.root_m, motion.metres * offsets_of(motion.rest, motion.parents), motion.parents
-    )
+    offsets_m = motion.metres * offsets_of(motion.rest, motion.parents)
+    positions_m = joint_positions(motion.rotated, motion.root_m, offsets_m, motion.parents)
+    return skeleton_points(motion.found, positions_m, fps=motion.fps)
 
 
 def _unit(leg: float, path: Path) -> float:

@@ -99,16 +99,11 @@ class NamedPoints(NamedTuple):
     fps: float | None = None
 
 
-def named_performance(recorded: NamedPoints, source: str, fps: float | None = None) -> Performance:
-    """The fifteen joints of a recording, in the frame of a level camera that the dancer faces at first.
-
-    `source` names the recording in messages; `fps` is the true rate of one that states none or a wrong one.
-    """
-    return named_performances([(recorded, source)], fps)[0]
-
-
 def named_performances(group: Sequence[tuple[NamedPoints, str]], fps: float | None = None) -> list[Performance]:
-    """As `named_performance`, of dancers recorded in one frame: all before one camera, which the first faces at first."""
+    """The fifteen joints of dancers recorded in one frame: all before one level camera, which the first faces at first.
+
+    Each recording stands with its name for messages; `fps` is the true rate of those that state none or a wrong one.
+    """
     found, (first, _) = [], named_joints(*group[0])
     for recorded, source in group:
         joints, confidence = named_joints(recorded, source)

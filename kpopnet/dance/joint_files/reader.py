@@ -1,6 +1,5 @@
 """Reads a recording of joints from a file of any of the known formats: a reader for each kind of file."""
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,6 @@ import numpy as np
 
 from kpopnet.dance.joint_files import amass
 from kpopnet.dance.joint_files.bvh_motion import bvh_points, read_bvh_motion
-from kpopnet.dance.joint_files.frames import TIMES, joint_points, numbers_in
 from kpopnet.dance.joint_files.gltf import read_gltf
 from kpopnet.dance.joint_files.markers import read_c3d, read_npy, read_trc
 from kpopnet.dance.joint_files.points import (
@@ -22,18 +20,11 @@ from kpopnet.dance.joint_files.points import (
     unit_m,
     with_joint_map,
 )
-from kpopnet.dance.joint_files.tables import read_csv
+from kpopnet.dance.joint_files.tables import TIMES, joint_points, numbers_in, read_csv
 from kpopnet.dance.joint_files.vmd import read_vmd
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import (
-    ArraySchema,
-    check_array,
-    check_fields,
-    expect,
-    read_json,
-    read_npz,
-)
+from kpopnet.runtime.input_files import ArraySchema, check_array, check_fields, expect, read_json, read_npz
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -214,18 +205,15 @@ def _points(value: Any, count: int, where: str) -> list[list[float]]:
 
 def _azure_points(names: list[str], frames: list[dict], where: str) -> NamedPoints:
     """The recording of the body that is seen most; times count from the first frame."""
-    seen: Counter[int] = Counter()
+    positions: dict[int, dict[int, list]] = {}  # of each body in each frame where it is seen
     for number, frame in enumerate(frames):
         check_fields(f"{where}: frame {number}", frame, {"bodies": list[dict], "timestamp_usec": int})
         for body in frame["bodies"]:
             check_fields(f"{where}: frame {number}", body, {"body_id": int, "joint_positions": list})
-            seen[body["body_id"]] += 1
-    expect(bool(seen), where, "a body in some frame, found none")
-    chosen = seen.most_common(1)[0][0]
+            positions.setdefault(body["body_id"], {})[number] = body["joint_positions"]
+    expect(bool(positions), where, "a body in some frame, found none")
     points = np.full((len(frames), len(names), 3), np.nan)
-    for number, frame in enumerate(frames):
-        for body in frame["bodies"]:
-            if body["body_id"] == chosen:
-                points[number] = _points(body["joint_positions"], len(names), f"{where}: frame {number}, joint_positions")
+    for number, found in max(positions.values(), key=len).items():
+        points[number] = _points(found, len(names), f"{where}: frame {number}, joint_positions")
     start = frames[0]["timestamp_usec"]
     return NamedPoints(names, points, np.array([(frame["timestamp_usec"] - start) / 1e6 for frame in frames]))

@@ -1,18 +1,49 @@
-"""Reads a recording of joints from a CSV file: a line for each frame, or for each point of a frame."""
+"""Recordings of joints as frames of points by name, and CSV files: a line for each frame, or for each point of a frame."""
 
 import csv
 import io
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from kpopnet.dance.joint_files.frames import TIMES, joint_points
 from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES, NamedPoints
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import check_budget, expect, names_in, parsing, read_text
+from kpopnet.runtime.input_files import check_budget, check_fields, expect, names_in, parsing, read_text
+
+TIME = "time_s"
+TIMES = {TIME: 1.0, "timestamp_ms": 0.001}
+"""Names of a frame's time, and seconds per unit."""
 
 _COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence|visibility)", re.IGNORECASE)
+
+
+def numbers_in(value: Any, lengths: tuple[int, ...], where: str) -> list[float]:
+    """A list of numbers or nulls, which are NaN, of one of some lengths."""
+    fits = isinstance(value, list) and len(value) in lengths and all(one is None or type(one) in (int, float) for one in value)
+    expect(fits, where, f"{lengths[0]} numbers in each point")
+    return [np.nan if one is None else float(one) for one in value]
+
+
+def joint_points(frames: list[dict], fps: float | None, where: str) -> NamedPoints:
+    """A recording of frames with "joints" by name."""
+    for number, frame in enumerate(frames):
+        check_fields(f"{where}: frame {number}", frame, {"joints": dict} | dict.fromkeys(TIMES, float), TIMES)
+    names = list(dict.fromkeys(name for frame in frames for name in frame["joints"]))
+    values = np.full((len(frames), len(names), 4), np.nan)
+    values[..., 3] = 1.0
+    places = {name: number for number, name in enumerate(names)}
+    for number, frame in enumerate(frames):
+        for name, point in frame["joints"].items():
+            if point is not None:
+                given = numbers_in(point, (3, 4), f"{where}: frame {number}, {name[:40]}")
+                values[number, places[name], : len(given)] = given
+    time = next((time for time in TIMES if time in frames[0]), TIME)
+    times_s = [TIMES[time] * frame[time] for frame in frames if time in frame]
+    expect(len(times_s) in (0, len(frames)), where, f"{time} in all frames or in none")
+    given_s = np.array(times_s, float) if times_s else None
+    return NamedPoints(names, values[..., :3], given_s, np.nan_to_num(values[..., 3]), fps)
 
 
 def read_csv(path: Path) -> NamedPoints:
@@ -33,13 +64,16 @@ def read_csv(path: Path) -> NamedPoints:
     places = {
         name: [own[part] for part in parts if part in own] for name, own in columns.items() if own.keys() >= {"x", "y", "z"}
     }
-    if (long := _long_places(header)) is not None:
-        return _long_points(rows, long, len(header), path)
-    expect(bool(places), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
+    long_places = _long_places(header)
+    columns_of_points = f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}"
+    expect(bool(places) or long_places is not None, f"{path}, line 1", columns_of_points)
     expect(bool(rows), str(path), "a line of numbers below the header")
-    frames = []
     for line, row in rows:
         expect(len(row) == len(header), f"{path}, line {line}", f"{len(header)} cells as in the header, found {len(row)}")
+    if long_places is not None:
+        return _long_points(rows, long_places, path)
+    frames = []
+    for line, row in rows:
         joints = {name: [_number(row[place], f"{path}, line {line}") for place in own] for name, own in places.items()}
         times = {time: _number(row[header.index(time)], f"{path}, line {line}") for time in TIMES if time in header}
         frames.append({"joints": joints} | times)
@@ -63,19 +97,17 @@ def _long_places(header: list[str]) -> dict[str, int] | None:
     return places | extra
 
 
-def _long_points(rows: list[tuple[int, list[str]]], places: dict[str, int], width: int, path: Path) -> NamedPoints:
+def _long_points(rows: list[tuple[int, list[str]]], places: dict[str, int], path: Path) -> NamedPoints:
     """The points of a file with a line for each; those of a frame follow each other."""
     frames: dict[str, dict] = {}
     for line, row in rows:
         where = f"{path}, line {line}"
-        expect(len(row) == width, where, f"{width} cells as in the header, found {len(row)}")
         times = {time: _number(row[places[time]], where) for time in TIMES if time in places}
         frame = frames.setdefault(row[places["frame"]].strip(), {"joints": {}} | times)
         parts = [part for part in ("x", "y", "z", "confidence", "visibility") if part in places][:4]
         name = row[places["name"]].strip()
         name = MEDIAPIPE_NAMES[int(name)] if name.isdecimal() and int(name) < len(MEDIAPIPE_NAMES) else name
         frame["joints"][name] = [_number(row[places[part]], where) for part in parts]
-    expect(bool(frames), str(path), "a line of numbers below the header")
     if not any(time in places for time in TIMES) and all(number.isdecimal() for number in frames):
         frames = _with_those_between(frames, path)
     return joint_points(list(frames.values()), None, str(path))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, joint_positions, offsets_of, skeleton_points, world_rotations
+from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, chain, joint_positions, offsets_of, skeleton_points, world_rotations
 from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.errors import InputError
 from kpopnet.rotations import rotate
@@ -83,19 +83,15 @@ def read_vmd(path: Path) -> NamedPoints:
         rotated, rest_m = world_rotations(quats, _PARENTS), _rest_m()
         positions_m = joint_positions(rotated, places_m[:, 0], offsets_of(rest_m, _PARENTS), _PARENTS)
         for bone, parent in enumerate(_PARENTS[1:], 1):  # by what a bone moves itself, all below it move
-            below = [one for one in range(bone, len(_NAMES)) if bone in _chain(one)]
+            below = [one for one in range(bone, len(_NAMES)) if bone in chain(one, _PARENTS)]
             positions_m[:, below] += rotate(rotated[:, parent], places_m[:, bone])[:, None]
         for side in "左右":
             moved = side + "足IK" in keys or side + "足" not in keys
-            _follow(side, positions_m, rotated, rest_m, _switched_on(switches.get(side + "足IK", []), frames) & moved)
+            on = np.full(frames, moved)
+            for frame, switched_on in sorted(switches.get(side + "足IK", [])):
+                on[frame:] = moved and switched_on
+            _follow(side, positions_m, rotated, rest_m, on)
         return skeleton_points(_FOUND, positions_m, fps=FPS)
-
-
-def _chain(bone: int) -> list[int]:
-    up = [bone]
-    while _PARENTS[up[-1]] >= 0:
-        up.append(_PARENTS[up[-1]])
-    return up
 
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, list[tuple[int, bool]]]]:
@@ -161,14 +157,6 @@ def _sampled(keys: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
     quats = first * Rotation.from_rotvec(y[:, 3:] * (first.inv() * last).as_rotvec())
     places = keys["place"][before] + y[:, :3] * (keys["place"][after] - keys["place"][before])
     return quats.as_quat(scalar_first=True), UNIT_M * places * [1, 1, -1]
-
-
-def _switched_on(switches: list[tuple[int, bool]], frames: int) -> np.ndarray:
-    """(T,) whether an IK is on, which it is where nothing is said."""
-    on = np.ones(frames, bool)
-    for frame, state in sorted(switches):
-        on[frame:] = state
-    return on
 
 
 def _follow(side: str, positions_m: np.ndarray, rotated: np.ndarray, rest_m: np.ndarray, on: np.ndarray) -> None:

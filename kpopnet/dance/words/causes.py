@@ -13,12 +13,13 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 
 from kpopnet.dance.dimensions.movement import Dynamics, spread_rad
+from kpopnet.dance.dimensions.stage import runs
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.features import Features, dance_features
 from kpopnet.dance.parts import OUTLIER_RAD
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.window import BAND_S, FPS, LIMBS
-from kpopnet.dance.words.moments import clock, runs
+from kpopnet.dance.words.moments import clock
 from kpopnet.languages import Said
 from kpopnet.skeleton import MIRROR
 
@@ -155,10 +156,15 @@ def _mean_distances(learner: Features, teacher: Features, first: int, band: int)
     not half of them.
     """
     distances = banded_distances(learner, teacher, first, band, OUTLIER_RAD)[np.isfinite(learner.angles_rad).any(axis=1)]
+    return mean_of_known(distances, len(distances) / 2)
+
+
+def mean_of_known(distances: np.ndarray, least: float) -> np.ndarray:
+    """(B,) means of the finite ones of (T, B) distances; infinite where there are fewer than `least`, or none."""
     finite = np.isfinite(distances)
     count = finite.sum(axis=0)
     mean = np.where(finite, distances, 0).sum(axis=0) / np.maximum(count, 1)
-    return np.where((2 * count >= len(distances)) & (count > 0), mean, np.inf)
+    return np.where(count >= max(least, 1), mean, np.inf)
 
 
 def _reduced(moved: Dynamics, start_s: float, end_s: float) -> tuple[str, Said] | None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kpopnet.dance.dimensions.stage import runs
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.parts import known_noise
 from kpopnet.dance.scoring import DanceScore
@@ -85,12 +86,6 @@ class Losses:
         self.total = share * (100 - np.nan_to_num(windows.similarity, nan=100.0))
 
 
-def runs(flags: np.ndarray) -> list[slice]:
-    """The runs of true values of (N,) flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def span(score: DanceScore, run: slice) -> tuple[float, float]:
     """Start and end in seconds of the windows' middles in a run."""
     middle, half_s = score.windows.middle_s[run], score.scorer.hop_s / 2
@@ -117,10 +112,8 @@ def posture_moments(score: DanceScore, losses: Losses, explained: np.ndarray) ->
             for run in runs(kind == one):
                 # What is most wrong says most about by how much: the edges of a fault lie within windows.
                 weights = weight[run, angle] * abs(error_deg[run, angle])
-                degrees, points = (
-                    float(np.average(error_deg[run, angle], weights=weights)),
-                    float(losses.parts[part, run].sum()),
-                )
+                degrees = float(np.average(error_deg[run, angle], weights=weights))
+                points = float(losses.parts[part, run].sum())
                 joint, less, greater = _WORDS[names[angle]]
                 direction, (start_s, end_s) = greater if degrees > 0 else less, span(score, run)
                 fault = posture_text(PARTS[part], joint, degrees, direction)

@@ -77,7 +77,6 @@ class TurnedCamera:
         self.camera = self._view.camera
 
     def read(self) -> tuple[np.ndarray, float] | None:
-        """See `LiveCamera.read`."""
         if (read := self._mounted.read()) is None:
             return None
         depth_m, taken = read
@@ -103,7 +102,6 @@ class PlayedRecording:
         self._start: float | None = None
 
     def read(self) -> tuple[np.ndarray, float] | None:
-        """See `LiveCamera.read`."""
         image = next(self._images, None)
         if image is None and self._loop:
             self._images, self._start = self._source.timed(), None
@@ -122,7 +120,6 @@ class PlayedRecording:
         return 0.0 if self._start is None else self._start + image.time_s - time.monotonic()
 
     def close(self) -> None:
-        """See `LiveCamera.close`."""
         self._closed = True
 
 

@@ -54,7 +54,6 @@ class OakCamera:
             raise InputError(str(error)) from error
 
     def read(self) -> tuple[np.ndarray, float]:
-        """See `LiveCamera.read`."""
         if self._pipeline is None:
             time.sleep(SEARCH_EVERY_S)
             self._connect()
@@ -64,7 +63,6 @@ class OakCamera:
         return self._view.image(depth_m), moment(frame.getTimestamp().total_seconds(), now)
 
     def close(self) -> None:
-        """See `LiveCamera.close`."""
         pipeline, self._pipeline = self._pipeline, None
         if pipeline is not None:
             with contextlib.suppress(RuntimeError):  # of a camera that has gone

@@ -94,7 +94,6 @@ class PipeCamera:
         return view.image(depth_in_metres(image.depth, where=image.where)), moment(image.time_s, arrived)
 
     def close(self) -> None:
-        """See `LiveCamera.close`."""
         self._closed = True
         if self._connection is not None:
             with contextlib.suppress(OSError):  # it has ended
@@ -166,7 +165,6 @@ class Relay:
             threading.Thread(target=work, daemon=True, name=f"relay {work.__name__}").start()
 
     def close(self) -> None:
-        """Ends the connections."""
         self._end()
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.dance.joint_files.frames import numbers_in
 from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES, NamedPoints, named_joints
+from kpopnet.dance.joint_files.tables import numbers_in
 from kpopnet.pose import PersonPose
 from kpopnet.runtime.input_files import check_fields, expect
 from kpopnet.sources.source import CameraAwayError

@@ -5,6 +5,7 @@ import copy
 import json
 import pickle
 import re
+from functools import cache
 
 import pytest
 from programs import ROOT
@@ -44,23 +45,18 @@ def page_texts() -> str:
     return "\n".join(path.read_text() for path in sorted(folder.glob("*.js")) if path.stem not in ("rate", "watch"))
 
 
-def python_texts() -> set[str]:
-    """Every literal text of kpopnet, f-strings left out."""
-    trees = (ast.parse(path.read_text()) for path in (ROOT / "kpopnet").rglob("*.py"))
-    return {
-        one.value for tree in trees for one in ast.walk(tree) if isinstance(one, ast.Constant) and isinstance(one.value, str)
-    }
-
-
-def said_in_python() -> set[str]:
-    """The literal texts that kpopnet passes to `Said`."""
-    found: set[str] = set()
+@cache
+def python_texts() -> tuple[set[str], set[str]]:
+    """Every literal text of kpopnet, f-strings left out, and those of them that are passed to `Said`."""
+    texts, said = set[str](), set[str]()
     for path in (ROOT / "kpopnet").rglob("*.py"):
-        calls = (one for one in ast.walk(ast.parse(path.read_text())) if isinstance(one, ast.Call) and one.args)
-        for call in (one for one in calls if isinstance(one.func, ast.Name) and one.func.id == "Said"):
-            given = [call.args[0].body, call.args[0].orelse] if isinstance(call.args[0], ast.IfExp) else call.args[:1]
-            found |= {one.value for one in given if isinstance(one, ast.Constant) and one.value}
-    return found
+        for one in ast.walk(ast.parse(path.read_text())):
+            if isinstance(one, ast.Constant) and isinstance(one.value, str):
+                texts.add(one.value)
+            if isinstance(one, ast.Call) and one.args and isinstance(one.func, ast.Name) and one.func.id == "Said":
+                given = [one.args[0].body, one.args[0].orelse] if isinstance(one.args[0], ast.IfExp) else one.args[:1]
+                said |= {text.value for text in given if isinstance(text, ast.Constant) and text.value}
+    return texts, said
 
 
 def in_script(source: str) -> set[str]:
@@ -78,8 +74,9 @@ def test_a_language_has_every_text_with_the_same_gaps_and_no_other(language):
         for one in in_script(call)
     }
     assert len(said) > 150 and len(marked) > 8
-    assert (said | said_in_python() | marked | COMPOSED) - texts.keys() == set()
-    assert texts.keys() - in_script(page) - python_texts() - marked - COMPOSED == set()
+    in_python, said_in_python = python_texts()
+    assert (said | said_in_python | marked | COMPOSED) - texts.keys() == set()
+    assert texts.keys() - in_script(page) - in_python - marked - COMPOSED == set()
     for english, text in texts.items():
         assert text and sorted(GAP.findall(text)) == sorted(GAP.findall(english)), english
         assert (english[0] == " ", english[-1] == " ") == (text[0] == " ", text[-1] == " "), english

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from depth_files import CAMERA, FPS, SCANNET_MATRIX, depth_mm, save_images, write_npz, write_pngs, write_scannet, write_tum
+from depth_files import CAMERA, FPS, SCANNET_MATRIX, depth_mm, save_images, write_scannet, write_tum
 
 from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
@@ -18,6 +18,9 @@ def test_tum(tmp_path):
     np.testing.assert_allclose([image.depth_m for image in images], IMAGES / 5000, rtol=1e-6)
     np.testing.assert_allclose([image.time_s for image in images], np.arange(4) / FPS, atol=1e-5)
     np.testing.assert_allclose(list(open_depth(tmp_path / "mine", CAMERA, depth_scale=1000)), IMAGES / 1000, rtol=1e-6)
+    for scale in (0, float("nan")):
+        with pytest.raises(InputError, match="units a metre; expected a positive number"):
+            open_depth(tmp_path / "mine", CAMERA, depth_scale=scale)
     with pytest.raises(InputError, match="does not state its camera"):
         open_depth(tmp_path / "mine")
     vga = np.tile(IMAGES, (1, 10, 10))
@@ -54,29 +57,3 @@ def test_ntu(tmp_path):
     with pytest.raises(InputError, match=r"2 kinds of names \(Depth-#, MDepth-#"):
         open_depth(tmp_path / "S001C001P001R001A001")
     assert open_depth(tmp_path / "S001C001P001R001A001", key="Depth*").camera == CAMERAS["kinect_2"]
-
-
-def test_loose_images_and_folders_of_folders_are_refused_with_what_is_there(tmp_path):
-    for name in ("ann", "bob"):
-        save_images(tmp_path / "loose", f"{name}{{}}.png", IMAGES[:1])
-    with pytest.raises(InputError, match=r"loose: images of 2 kinds of names \(ann#, bob#; .*--key"):
-        open_depth(tmp_path / "loose", CAMERA)
-    write_pngs(tmp_path / "outer" / "depth", IMAGES)
-    with pytest.raises(InputError, match=r"no image named \* in it; .*a folder in it is meant: depth"):
-        open_depth(tmp_path / "outer", CAMERA)
-
-
-def test_the_scale_of_any_file_may_be_given(tmp_path):
-    np.save(tmp_path / "a.npy", IMAGES.astype(np.float32))
-    for path in (write_npz(tmp_path / "b.npz", IMAGES), tmp_path / "a.npy"):
-        np.testing.assert_allclose(list(open_depth(path, CAMERA, depth_scale=4000)), IMAGES / 4000, rtol=1e-6)
-    for scale in (0, float("nan")):
-        with pytest.raises(InputError, match="units a metre; expected a positive number"):
-            open_depth(tmp_path / "a.npy", CAMERA, depth_scale=scale)
-
-
-@pytest.mark.parametrize(("name", "told"), [("a.oni", "pyoni"), ("a.SVO2", "zed")])
-def test_recordings_that_others_convert_name_the_converter(name, told, tmp_path):
-    (tmp_path / name).write_bytes(b"x")
-    with pytest.raises(InputError, match=rf"{name}: .* convert it to 16-bit PNG: .*{told}"):
-        open_depth(tmp_path / name)

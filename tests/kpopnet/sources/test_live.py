@@ -13,19 +13,13 @@ import pytest
 from depth_files import CAMERA, depth_mm, write_npz
 from programs import ROOT
 
-from kpopnet.errors import InputError
 from kpopnet.sources import arrays, open_depth
 from kpopnet.sources.arrays import DepthWriter
-from kpopnet.sources.live import LIVE_CAMERAS, PlayedRecording, open_live
+from kpopnet.sources.live import PlayedRecording
 
 MILLIMETRES = depth_mm(6)
 METRES = MILLIMETRES.astype(np.float32) / 1000
 FPS = 50.0
-
-
-def test_an_unknown_camera_is_told_with_those_there_are():
-    with pytest.raises(InputError, match=f"webcam: no live camera webcam; there are {', '.join(LIVE_CAMERAS)}"):
-        open_live("webcam")
 
 
 def recording(folder):

@@ -48,19 +48,23 @@ class Sender:
         accepting = threading.Thread(target=self.accept, args=(line,))
         accepting.start()
         try:
-            return PipeCamera(self.address)
+            self._camera = PipeCamera(self.address)
         finally:
             accepting.join()
+        return self._camera
 
     def send(self, *images):
-        for one in images:
-            self._connection.sendall(one)
+        self._connection.sendall(b"".join(images))
 
     def end(self):
         self._connection.close()
         self._listener.close()
         if not self._is_tcp:
             Path(self._place).unlink()
+
+    def close(self):
+        self._camera.close()
+        self.end()
 
 
 def next_image(camera):
@@ -79,7 +83,8 @@ def _soon(monkeypatch):
 
 @pytest.fixture(params=["tcp", "unix"])
 def sender(request, tmp_path):
-    return Sender("tcp:" if request.param == "tcp" else f"unix:{tmp_path / 'depth'}")
+    with contextlib.closing(Sender("tcp:" if request.param == "tcp" else f"unix:{tmp_path / 'depth'}")) as sender:
+        yield sender
 
 
 def test_a_file_gives_what_was_sent(tmp_path):
@@ -114,8 +119,6 @@ def test_images_arrive_bit_for_bit_with_their_times(sender):
         before = time.monotonic()
         sender.send(sent_image(IMAGES[0], unknown))
         assert before <= next_image(camera)[1] <= time.monotonic()
-    camera.close()
-    sender.end()
 
 
 def test_of_images_that_wait_the_newest_is_given(sender):
@@ -125,8 +128,6 @@ def test_of_images_that_wait_the_newest_is_given(sender):
     np.testing.assert_array_equal(camera.read()[0], IMAGES[-1].astype(np.float32) / 1000)
     with pytest.raises(CameraAwayError, match="sends nothing; look at the program"):
         camera.read()
-    camera.close()
-    sender.end()
 
 
 def test_a_sender_ends_and_comes_back(sender):
@@ -147,8 +148,6 @@ def test_a_sender_ends_and_comes_back(sender):
     sender.accept(sent_line(fx=99.0))
     with pytest.raises(InputError, match="another camera"):
         next_image(camera)
-    camera.close()
-    sender.end()
 
 
 def test_the_lens_is_undone(sender):
@@ -158,8 +157,6 @@ def test_the_lens_is_undone(sender):
     sender.send(sent_image(IMAGES[0]))
     np.testing.assert_array_equal(next_image(camera)[0], view.image(IMAGES[0].astype(np.float32) / 1000))
     assert camera.camera == view.camera != CAMERA
-    camera.close()
-    sender.end()
 
 
 def test_standard_input_reaches_several_cameras_and_ends(monkeypatch):

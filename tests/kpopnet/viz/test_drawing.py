@@ -6,14 +6,7 @@ import pytest
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from kpopnet.viz.drawing import (
-    BACKGROUND,
-    ESTIMATED,
-    depth_rgb,
-    draw_skeleton,
-    person_view,
-    save_png,
-)
+from kpopnet.viz.drawing import BACKGROUND, ESTIMATED, depth_rgb, draw_skeleton, person_view, save_png
 
 CAMERA = Camera.centred(100.0, 80, 60)
 
