@@ -181,18 +181,15 @@ class RunningLesson:
         return max(one.seen_s for one in self._tries)
 
     def _new_tries(self) -> list[DanceTry]:
-        return [self._new_try(dancer) for dancer in self._taught]
-
-    def _new_try(self, dancer: int) -> DanceTry:
-        lesson, dance = replace(self._lesson, dancer=dancer), self._dance.dancers[dancer]
-        return (Calibration if lesson.calibrate else DanceTry)(lesson, dance, noise_of(self._estimator))
+        kind, noise = Calibration if self._lesson.calibrate else DanceTry, noise_of(self._estimator)
+        return [kind(replace(self._lesson, dancer=dancer), self._dance.dancers[dancer], noise) for dancer in self._taught]
 
     def warm(self, kernels: CompiledKernels, connection: Connection) -> bool:
         """Compiles everything that the lesson needs, with progress, until poses come in real time.
 
         Returns whether the lesson goes on.
         """
-        self._new_try(self._taught[0]).compile()
+        self._tries[0].compile()
         steady, began = 0, time.monotonic()
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_PATIENCE_S + kernels.count:
             if not self._follow(connection):
