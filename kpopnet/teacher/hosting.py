@@ -4,15 +4,12 @@ import argparse
 import asyncio
 import contextlib
 import errno
-import json
 import logging
 import os
 import shutil
 import signal
-import struct
 import tempfile
 import threading
-import time
 import webbrowser
 from collections.abc import Awaitable, Callable
 from functools import partial
@@ -26,6 +23,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from kpopnet.errors import InputError
 from kpopnet.languages import LANGUAGES, keyed
 from kpopnet.runtime.endings import is_of_the_disk, of_the_disk
+from kpopnet.teacher.pages import SOCKETS
 from kpopnet.teacher.safety import HEADERS, LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
 
 PAGE = Path(__file__).parent / "page"
@@ -69,6 +67,7 @@ def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: i
         return web.Response(body=text, content_type="text/javascript", charset="utf-8")
 
     app = web.Application(middlewares=[guard(hosts, keys), _errors], client_max_size=max_bytes)
+    app[SOCKETS] = set()
     app.on_response_prepare.append(add_headers)
     app.router.add_get("/", page)
     app.router.add_get(f"/languages/{{language:{'|'.join(LANGUAGES[1:])}}}.mjs", words)
@@ -76,17 +75,6 @@ def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: i
         r"/page/{name:(?:vendor/(?:mediapipe/)?)?[a-z_]+\.(?:js|css|svg|LICENSE|wasm|data|tflite|binarypb)}", page
     )
     return app
-
-
-def now_ms() -> float:
-    """The wall clock, as the page's, in milliseconds."""
-    return round(1000 * time.time(), 1)
-
-
-def packed_frame(content: dict, heard_ms: tuple[float, float] | None, picture: bytes) -> bytes:
-    """What a page draws of an image, with two times of one moment, the page's and ours, from which it knows our clock."""
-    text = json.dumps({"kind": "frame"} | content | {"sent_ms": now_ms(), "heard_ms": heard_ms}, allow_nan=False).encode()
-    return struct.pack("<I", len(text)) + text + picture
 
 
 @web.middleware

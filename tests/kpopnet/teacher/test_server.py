@@ -22,8 +22,9 @@ from yarl import URL  # noqa: E402
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
 from kpopnet.errors import InputError  # noqa: E402
 from kpopnet.teacher.library import Library  # noqa: E402
+from kpopnet.teacher.pages import MOST_PAGES  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
-from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, MOST_PAGES, PageLessons, make_app  # noqa: E402
+from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, PageLessons, make_app  # noqa: E402
 
 
 def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
