@@ -17,7 +17,7 @@ from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said, keyed
 from kpopnet.runtime.input_files import check_fields, settings_from
 from kpopnet.teacher import profiles
-from kpopnet.teacher.adding import USUAL_BPM, add_performance
+from kpopnet.teacher.adding import USUAL_BPM, add_group
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import page_app
 from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
@@ -37,25 +37,15 @@ UPLOAD_S = 60.0
 
 @dataclass(frozen=True)
 class Teaching:
-    """Everything that the server serves.
-
-    Attributes:
-        library: the dances.
-        tries: of the learners.
-        open_camera: opens the source of depth of a lesson.
-        checkpoint: of `load_estimator`.
-        sources: names of the sources of depth to their descriptions.
-        skills: of a simulated learner.
-        faults: of a simulated learner.
-    """
+    """Everything that the server serves."""
 
     library: Library
     tries: Tries
     open_camera: CameraOpener
-    checkpoint: str | None
-    sources: dict[str, str]
-    skills: tuple[str, ...]
-    faults: tuple[str, ...]
+    checkpoint: str | None  # of `load_estimator`
+    sources: dict[str, str]  # names of the sources of depth to their descriptions
+    skills: tuple[str, ...]  # of a simulated learner
+    faults: tuple[str, ...]  # of a simulated learner
 
 
 TEACHING: web.AppKey[Teaching] = web.AppKey("teaching", Teaching)
@@ -147,7 +137,7 @@ async def upload(request: web.Request) -> web.Response:
             performance = await asyncio.to_thread(read_strangers_performance, path)
         except InputError as error:
             raise InputError(str(error).replace(str(path), "the file")) from error
-    added = await asyncio.to_thread(add_performance, library, performance, Said("the file"), title, bpm)
+    added = await asyncio.to_thread(add_group, library, [performance], Said("the file"), title, bpm)
     return web.json_response({"identity": added})
 
 
