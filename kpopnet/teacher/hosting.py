@@ -13,7 +13,6 @@ import threading
 import webbrowser
 from collections.abc import Awaitable, Callable
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 from typing import TextIO
 
@@ -27,9 +26,11 @@ from kpopnet.teacher.pages import SOCKETS
 from kpopnet.teacher.safety import HEADERS, LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
 
 PAGE = Path(__file__).parent / "page"
-TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".LICENSE": "text/plain"}
-BINARY = "application/octet-stream"
-BINARY_TYPES = {".wasm": "application/wasm", ".data": BINARY, ".tflite": BINARY, ".binarypb": BINARY}
+TEXT = "; charset=utf-8"
+TYPES = {
+    ".html": f"text/html{TEXT}", ".css": f"text/css{TEXT}", ".js": f"text/javascript{TEXT}", ".mjs": f"text/javascript{TEXT}",
+    ".svg": f"image/svg+xml{TEXT}", ".LICENSE": f"text/plain{TEXT}", ".wasm": "application/wasm",
+}  # fmt: skip
 
 MOST_CONNECTIONS = 64
 """At a time, or a quarter of the files that this process may open; a browser opens up to seven for each page."""
@@ -45,34 +46,27 @@ END_S = 2.5
 
 
 def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: int) -> web.Application:
-    """An application that serves a page and the files of all pages.
-
-    Args:
-        index: file of the page.
-        hosts: as in `safety.guard`.
-        keys: as in `safety.guard`.
-        max_bytes: of a request.
+    """An application that serves the page in the file `index`, and the files of all pages; `hosts` and `keys` as in
+    `safety.guard`, `max_bytes` of a request.
     """
 
-    async def page(request: web.Request) -> web.StreamResponse:
-        path = PAGE / (request.match_info.get("name", index))
-        if not path.is_file():
-            raise web.HTTPNotFound(text="there is no such page\n")
-        if path.suffix in BINARY_TYPES:
-            return web.FileResponse(path, headers={"Content-Type": BINARY_TYPES[path.suffix]})
-        return web.Response(body=path.read_bytes(), content_type=TYPES[path.suffix], charset="utf-8")
+    def served_from(folder: Path) -> Callable[[web.Request], Awaitable[web.FileResponse]]:
+        async def serve(request: web.Request) -> web.FileResponse:
+            path = folder / request.match_info.get("name", index)
+            if not path.is_file():
+                raise web.HTTPNotFound(text="there is no such page\n")
+            kind = TYPES.get(path.suffix, "application/octet-stream")
+            return web.FileResponse(path, headers={"Content-Type": kind})
 
-    async def words(request: web.Request) -> web.StreamResponse:
-        text = (files("kpopnet.languages") / f"{request.match_info['language']}.mjs").read_bytes()
-        return web.Response(body=text, content_type="text/javascript", charset="utf-8")
+        return serve
 
     app = web.Application(middlewares=[guard(hosts, keys), _errors], client_max_size=max_bytes)
     app[SOCKETS] = set()
     app.on_response_prepare.append(add_headers)
-    app.router.add_get("/", page)
-    app.router.add_get(f"/languages/{{language:{'|'.join(LANGUAGES[1:])}}}.mjs", words)
+    app.router.add_get("/", served_from(PAGE))
+    app.router.add_get(f"/languages/{{name:(?:{'|'.join(LANGUAGES[1:])})\\.mjs}}", served_from(PAGE.parents[1] / "languages"))
     app.router.add_get(
-        r"/page/{name:(?:vendor/(?:mediapipe/)?)?[a-z_]+\.(?:js|css|svg|LICENSE|wasm|data|tflite|binarypb)}", page
+        r"/page/{name:(?:vendor/(?:mediapipe/)?)?[a-z_]+\.(?:js|css|svg|LICENSE|wasm|data|tflite|binarypb)}", served_from(PAGE)
     )
     return app
 
@@ -100,16 +94,9 @@ def host(
 ) -> None:
     """Serves an application until the program is interrupted, and then ends within `end_s` seconds.
 
-    Args:
-        make: from names of this server and keys, as in `safety.guard`.
-        given: the command line with the words of `kpopnet.programs.arguments.add_address`.
-        greeting: printed before the address.
-        at_start: awaited before.
-        out: where the address is printed; None is the standard output.
-        end_s: longest time from Ctrl-C to the program's end.
-
-    Raises:
-        InputError: the port is taken.
+    `make` makes it from names of this server and keys, as in `safety.guard`; `given` is the command line with the words of
+    `kpopnet.programs.arguments.add_address`; `at_start` is awaited before. Prints `greeting` and the address to `out`, by
+    default the standard output. Raises InputError if the port is taken.
     """
     keys = None if is_loopback(given.host) else Keys()
     app = make((*LOOPBACK_NAMES, given.host.lower()), keys)
