@@ -24,13 +24,10 @@ SOCKETS: web.AppKey[set[web.WebSocketResponse]] = web.AppKey("sockets", set)
 
 
 class Page:
-    """What a server says to one page.
-
-    Attributes:
-        refusal: kind of the message that tells the page what it asked for wrongly.
-    """
+    """What a server says to one page, and what becomes of what the page says."""
 
     refusal = "error"
+    """Kind of the message that tells the page what it asked for wrongly."""
 
     def __init__(self, socket: web.WebSocketResponse) -> None:
         self._socket = socket

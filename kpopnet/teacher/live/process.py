@@ -151,11 +151,7 @@ class LessonProcesses:
         self._idle.append(LessonProcess(*self._given))
 
     def borrow(self) -> LessonProcess:
-        """A process, warm if there is one.
-
-        Raises:
-            InputError: MOST lessons are going on.
-        """
+        """A process, warm if there is one. Raises InputError if MOST lessons are going on."""
         self._idle = [process for process in self._idle if process.alive]
         if len(self._busy) >= MOST:
             raise InputError(Said("{count} dances are going on in other windows; close one of them", count=MOST))

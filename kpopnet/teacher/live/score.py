@@ -46,17 +46,12 @@ CALIBRATION_SETTLED_S = 1.5 * CALIBRATION_BEAT_S
 
 
 class DanceTry:
-    """One try of a dance, from its first image on.
-
-    Attributes:
-        begin_s: start of the excerpt, seconds of the dance.
-        end_s: its end.
-    """
+    """One try of a dance, from its first image on."""
 
     def __init__(self, lesson: Lesson, dance: TaughtDance, noise: str) -> None:
         """Begins a try; `noise` is the name of the estimator's errors in `kpopnet.dance.parts.NOISE`."""
         self._lesson, self._about = lesson, dance.about
-        self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)
+        self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)  # seconds of the dance
         self._config = scorer_config(lesson, noise)
         self._teacher = excerpt(dance.performance, self.begin_s, self.end_s)
         self._scorer = OnlineScorer(self._teacher, self._config, self._about.free_s)
