@@ -122,6 +122,7 @@ MISTAKES = {
     ("--fps", "25", "--no-browser"): "--fps: for the recording of --depth",
     ("--depth", "missing.npz", "--no-browser"): "missing.npz: no such file",
     ("--checkpoint", "missing", "--no-browser"): "missing",
+    ("--port", "70000", "--no-browser"): "--port 70000: expected 1 to 65535, or 0 for one that is free",
     ("--live", "kinect", "--no-browser"): "--live: no live camera kinect; there are realsense, oak, -, tcp:127.0.0.1:PORT",
     ("--live", "tcp:10.0.0.1:5005", "--no-browser"): "a port of this machine",
 }
