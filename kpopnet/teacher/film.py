@@ -226,11 +226,10 @@ def make_film(connection: Connection, library: Library, tries: Tries, dance: str
             except InputError:  # the try was deleted meanwhile, and its film goes with it
                 path.unlink(missing_ok=True)
                 raise
+            connection.send((1.0, ""))
         except InputError as error:
             connection.send((0.0, error.said))
         except (BrokenPipeError, ConnectionResetError):
             raise
         except OSError as error:
             connection.send((0.0, f"the film could not be saved: {error.strerror}"))
-        else:
-            connection.send((1.0, ""))
