@@ -130,7 +130,11 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
         address = _address(given.host, server.sockets[0].getsockname()[1])
         greet(f"{address}{f'?token={keys.token}' if keys else ''}   (Ctrl+C ends)")
         if not given.no_browser:
-            webbrowser.open(address if keys is None else _private_page(Path(folder), f"{address}?token={keys.once}"))
+            if keys:  # every user of the machine sees what a browser is given: a file leads to the address with the secret
+                page = Path(folder, "open.html")
+                page.write_text(forward_to(f"{address}?token={keys.once}"), encoding="utf-8")
+                address = page.as_uri()
+            webbrowser.open(address)
         try:
             await interrupted.wait()
         finally:
@@ -160,13 +164,6 @@ def _refusing_headers(handler: Callable) -> Callable:
 def _address(host: str, port: int) -> str:
     shown = "127.0.0.1" if host in ("0.0.0.0", "::") else host
     return f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
-
-
-def _private_page(folder: Path, address: str) -> str:
-    """The address of a file that leads to an address with a secret: every user of the machine sees what a browser is given."""
-    path = folder / "open.html"
-    path.write_text(forward_to(address), encoding="utf-8")
-    return path.as_uri()
 
 
 class _Once(logging.Filter):

@@ -324,12 +324,10 @@ class Told:
     """A lesson's process that has these messages."""
 
     def __init__(self, *messages: tuple) -> None:
-        self.messages = list(messages)
+        self.messages = iter(messages)
 
     async def next(self) -> tuple:
-        if not self.messages:
-            raise EOFError
-        return self.messages.pop(0)
+        return next(self.messages)
 
 
 def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching):
@@ -339,7 +337,8 @@ def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching):
     unseen, again = ("member", {"total": None}, {}), ("preparing", {"fraction": 0.0, "text": ""}, None)
     socket, app = Said(), make_app(teaching, ("127.0.0.1",))
     lessons = PageLessons(socket, app)
-    with pytest.raises(EOFError):  # a try that was left between its messages has no part in the next one
+    # A try that was left between its messages has no part in the next one.
+    with pytest.raises(RuntimeError, match="StopIteration"):
         asyncio.run(lessons._forward(Told(seen, again, seen, unseen, first)))
     _, done = socket.texts
     (of_second, of_third) = teaching.tries.result("dance_001", done["session"])["members"]
