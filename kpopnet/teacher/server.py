@@ -166,13 +166,18 @@ async def profile(request: web.Request) -> web.Response:
     return web.json_response(shown)
 
 
-@routes.get(r"/api/tries/{dance}/{name}.{kind:json|csv|bvh}")
-async def session(request: web.Request) -> web.Response:
-    """A try as a file: result, course, or the learner's movement."""
+@routes.get(r"/api/tries/{dance}/{name}.{kind:json|csv|bvh|mp4}")
+async def session(request: web.Request) -> web.StreamResponse:
+    """A try as a file: result, course, the learner's movement, or the film, when it is made."""
     teaching, kind = request.app[TEACHING], request.match_info["kind"]
     dance, name = request.match_info["dance"], request.match_info["name"]
-    result = teaching.tries.result(dance, name)
     attachment = {"Content-Disposition": f'attachment; filename="{dance}-{name}.{kind}"'}
+    if kind == "mp4":
+        path = teaching.tries.film_path(dance, name)
+        if not path.is_file():
+            raise InputError("this film is not made yet")
+        return web.FileResponse(path, headers=attachment)
+    result = teaching.tries.result(dance, name)
     if kind == "json":
         return web.json_response(result, headers=attachment)
     if kind == "csv":
@@ -202,16 +207,6 @@ async def make_film(request: web.Request) -> web.StreamResponse:
             except InputError as error:
                 await tell({"error": keyed(error.said)})
     return response
-
-
-@routes.get(r"/api/tries/{dance}/{name}.mp4")
-async def film(request: web.Request) -> web.StreamResponse:
-    """The film of a try, when it is made."""
-    dance, name = request.match_info["dance"], request.match_info["name"]
-    path = request.app[TEACHING].tries.film_path(dance, name)
-    if not path.is_file():
-        raise InputError("this film is not made yet")
-    return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{dance}-{name}.mp4"'})
 
 
 @routes.get("/api/tries/{dance}/{name}/movement")
@@ -293,9 +288,7 @@ class PageLessons(Page):
             if kind == "frame":
                 await self.show(content, attached)
             elif kind == "member":
-                kept = await self._keep(
-                    content, attached
-                )  # if it fails, so does the first learner's, which follows and says so
+                kept = await self._keep(content, attached)  # the first learner's try, which follows, says what goes wrong
                 members.append({"session": kept.get("session"), "total": content["total"]})
             else:
                 message = {"kind": kind} | content
