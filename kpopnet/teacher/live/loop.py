@@ -245,9 +245,8 @@ class RunningLesson:
             if self._dance.others and not clock.running and clock.paused_s is None:
                 self._learners, poses = from_the_left(self._learners, poses)
             for one, person in zip(self._tries, poses, strict=True):
-                joints_m, confidence = (None, None) if person is None else person[1:]
-                one.score(clock, image, joints_m, confidence)
-                shown.append(one.shown(clock, image, joints_m, confidence, self._camera))
+                one.score(clock, image, person)
+                shown.append(one.shown(clock, image, person, self._camera))
             content = shown[0] | {"dropped": images.dropped, "others": shown[1:]}
             self._tell("frame", content, picture(NO_DEPTH_M if self._webcam else image.depth_m))
         for member, one in enumerate(self._tries):

@@ -18,6 +18,7 @@ from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.moments import at
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
+from kpopnet.pose import PersonPose
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources.live import Image
 from kpopnet.teacher.library import MOVE_COUNTS, TaughtDance
@@ -80,15 +81,15 @@ class DanceTry:
     def is_over(self, clock: DanceClock) -> bool:
         return clock.dance_s(time.monotonic()) > self.end_s + self._config.latency_s + 0.1
 
-    def score(self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None) -> None:
-        """Adds an image's joints, (15, 3) metres, to the score, if the dance is going on and the learner is there."""
+    def score(self, clock: DanceClock, image: Image, person: PersonPose | None) -> None:
+        """Adds an image to the score, if the dance is going on and the learner is there."""
         time_s = clock.dance_s(image.taken)
         if not clock.running or time_s < self.begin_s or (self._seen and time_s <= self.seen_s):
             return
         self._images += 1
-        if joints_m is None or confidence is None:
+        if person is None:
             return
-        confidence = np.clip(confidence, 0, 1)
+        joints_m, confidence = person.joints_camera_m, np.clip(person.confidence, 0, 1)
         for between_s, between_m in self._bridge(time_s, joints_m):
             self._scorer.update(between_m, between_s, confidence)
         self._seen.append((time_s - self._config.latency_s, joints_m, confidence))
@@ -140,21 +141,19 @@ class DanceTry:
         self._verdicts_ms.append(round(1000 * after_s / self._lesson.speed))
         return verdict | {"after_ms": self._verdicts_ms[-1]}
 
-    def shown(
-        self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None, camera: Camera
-    ) -> dict:
+    def shown(self, clock: DanceClock, image: Image, person: PersonPose | None, camera: Camera) -> dict:
         """What the page shows of an image: joints in fractions of the picture, scores, words, and the time it was taken."""
         points = None
-        if joints_m is not None and confidence is not None:
-            uvz = camera.project(joints_m) / [camera.width, camera.height, 1.0]
-            points = [[rounded(value, 3) for value in point] for point in np.column_stack([uvz, confidence])]
+        if person is not None:
+            uvz = camera.project(person.joints_camera_m) / [camera.width, camera.height, 1.0]
+            points = [[rounded(value, 3) for value in point] for point in np.column_stack([uvz, person.confidence])]
         latest = self._latest if clock.running else None
         age_s = time.monotonic() - image.taken
         self._ages_ms.append(round(1000 * age_s))
         return {
             "time_s": rounded(clock.dance_s(image.taken), 3) if clock.running else None,
             "joints": points,
-            "guidance": where_to_stand(joints_m, confidence, camera),
+            "guidance": where_to_stand(person, camera),
             "words": self._words if latest and not latest.similarity >= PRAISED_FROM else "",
             "total": rounded(latest.similarity, 3) if latest else None,
             "so_far": rounded(latest.so_far, 3) if latest else None,
@@ -199,10 +198,10 @@ class Calibration(DanceTry):
     def compile(self) -> None:
         """Nothing needs to be compiled."""
 
-    def score(self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None) -> None:
+    def score(self, clock: DanceClock, image: Image, person: PersonPose | None) -> None:
         time_s = clock.dance_s(image.taken)
-        if clock.running and joints_m is not None and confidence is not None and time_s >= CALIBRATION_SETTLED_S:
-            self._seen.append((time_s, joints_m, confidence))
+        if clock.running and person is not None and time_s >= CALIBRATION_SETTLED_S:
+            self._seen.append((time_s, person.joints_camera_m, person.confidence))
 
     def finish(self, dropped: int) -> tuple[dict, dict[str, np.ndarray]]:
         """The latency in seconds, None where the learner did not move on the beat; and no joints."""

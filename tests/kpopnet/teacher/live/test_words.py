@@ -11,6 +11,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.dance.words.moments import Moment
 from kpopnet.errors import InputError
+from kpopnet.pose import PersonPose
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.live.lesson import Lesson
 from kpopnet.teacher.live.score import excerpt
@@ -32,7 +33,6 @@ def standing(z_m: float, x_m: float = 0.0) -> np.ndarray:
     ("joints_m", "confidence", "told"),
     [
         (standing(2.5), SURE, ""),
-        (None, None, "no person seen"),
         (np.full((15, 3), np.nan), 0 * SURE, "no person seen"),
         (standing(1.7), SURE, "step back"),
         (standing(5.0), SURE, "come closer"),
@@ -43,7 +43,7 @@ def standing(z_m: float, x_m: float = 0.0) -> np.ndarray:
     ],
 )
 def test_where_to_stand(joints_m, confidence, told):
-    assert where_to_stand(joints_m, confidence, CAMERA) == told
+    assert where_to_stand(PersonPose(1, joints_m, confidence), CAMERA) == told
 
 
 @pytest.mark.parametrize(
