@@ -39,9 +39,10 @@ class Page:
 
     async def show(self, content: dict, picture: bytes) -> None:
         """Sends what the page draws of an image, with two times of one moment, the page's and ours: so it knows our clock."""
-        text = json.dumps({"kind": "frame"} | content | {"sent_ms": _now_ms(), "heard_ms": self._heard_ms}, allow_nan=False)
+        content = {"kind": "frame"} | content | {"sent_ms": _now_ms(), "heard_ms": self._heard_ms}
+        text = json.dumps(content, allow_nan=False).encode()
         with contextlib.suppress(ConnectionError):
-            await self._socket.send_bytes(struct.pack("<I", len(text.encode())) + text.encode() + picture)
+            await self._socket.send_bytes(struct.pack("<I", len(text)) + text + picture)
 
     def drawn(self, message: dict) -> None:
         """The page has drawn the last image, at a time of its own clock."""
