@@ -154,12 +154,7 @@ class RunningLesson:
     """One lesson: as many tries of its dance as the page asks for."""
 
     def __init__(
-        self,
-        lesson: Lesson,
-        dance: TaughtDance,
-        open_camera: CameraOpener,
-        estimator: PoseEstimator,
-        tell: Callable[..., None],
+        self, lesson: Lesson, dance: TaughtDance, open_camera: CameraOpener, estimator: PoseEstimator, tell: Callable[..., None]
     ) -> None:
         self._webcam = WebcamCamera() if lesson.source == WEBCAM else None
         self._lesson, self._dance, self._tell = lesson, dance, tell
