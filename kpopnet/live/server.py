@@ -110,21 +110,15 @@ class Onlooker(Page):
         self._sending.cancel()
 
 
-WATCH: web.AppKey[Watch] = web.AppKey("watch", Watch)
-routes = web.RouteTableDef()
-
-
 def make_watch_app(watching: Watching, hosts: tuple[str, ...], keys: Keys | None = None) -> web.Application:
     """The server's application; `hosts` and `keys` as in `safety.guard`."""
-    app = page_app("watch.html", hosts, keys, MAX_MESSAGE_BYTES)
-    app[WATCH] = watch = Watch(watching)
+    app, watch = page_app("watch.html", hosts, keys, MAX_MESSAGE_BYTES), Watch(watching)
+
+    async def live(request: web.Request) -> web.WebSocketResponse:
+        """What a page sees and asks for; docs/live.md lists the messages."""
+        return await converse(request, partial(Onlooker, watch=watch), MAX_MESSAGE_BYTES)
+
     app.cleanup_ctx.append(watch.running)
     app.on_shutdown.append(close_pages)
-    app.add_routes(routes)
+    app.router.add_get("/live", live)
     return app
-
-
-@routes.get("/live")
-async def live(request: web.Request) -> web.WebSocketResponse:
-    """What a page sees and asks for; docs/live.md lists the messages."""
-    return await converse(request, partial(Onlooker, watch=request.app[WATCH]), MAX_MESSAGE_BYTES)
