@@ -105,11 +105,10 @@ class JointKeeper:
     @property
     def state(self) -> dict | None:
         """Images and seconds so far; None while nothing is kept."""
-        return None if self._kept is None else {"images": len(self._kept), "seconds": round(self._seconds, 1)}
-
-    @property
-    def _seconds(self) -> float:
-        return self._kept[-1].time_s - self._kept[0].time_s if self._kept else 0.0
+        if self._kept is None:
+            return None
+        seconds = self._kept[-1].time_s - self._kept[0].time_s if self._kept else 0.0
+        return {"images": len(self._kept), "seconds": round(seconds, 1)}
 
     def start(self) -> None:
         """Begins to keep joints, unless they are kept already."""
@@ -138,20 +137,14 @@ class JointKeeper:
         """
         if (kept := self._kept) is None:
             return ""
-        poses: dict[int, list[tuple[int, PersonPose]]] = {}
-        for frame, seen in enumerate(kept):
-            for person in seen.people:
-                poses.setdefault(person.identity, []).append((frame, person))
+        people = [{person.identity: person for person in seen.people} for seen in kept]
+        nobody = PersonPose(0, np.full((NUM_JOINTS, 3), np.nan, np.float32), np.zeros(NUM_JOINTS, np.float32))
         paths, times_s = [], np.array([seen.time_s - kept[0].time_s for seen in kept])
         try:
-            for one, seen_as in sorted(poses.items()):
-                joints_m = np.full((len(kept), NUM_JOINTS, 3), np.nan, np.float32)
-                confidence = np.zeros((len(kept), NUM_JOINTS), np.float32)
-                for frame, person in seen_as:
-                    joints_m[frame], confidence[frame] = person.joints_camera_m, person.confidence
-                performance = Performance(joints_m, times_s, confidence)
+            for one in sorted(set().union(*people)):
+                _, joints_m, confidence = map(np.array, zip(*(found.get(one, nobody) for found in people), strict=True))
                 paths.append(free_path(self._folder, f"joints-person{one}", ".npz"))
-                write_performance(paths[-1], performance)
+                write_performance(paths[-1], Performance(joints_m, times_s, confidence))
         except BaseException:
             for path in paths:
                 path.unlink(missing_ok=True)

@@ -21,15 +21,7 @@ from kpopnet.errors import InputError
 from kpopnet.live.loop import Watcher, Watching
 from kpopnet.live.streams import PORTS, STREAMS, TO_STDOUT, ReaderGoneError
 from kpopnet.pose.estimator import MAX_PEOPLE
-from kpopnet.programs.arguments import (
-    OF_RECORDINGS,
-    add_address,
-    add_depth,
-    check_not_given,
-    check_server,
-    opener,
-    program_parser,
-)
+from kpopnet.programs import arguments
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.sources import DepthSource
@@ -41,7 +33,7 @@ FOLDER = Path("outputs/live")
 
 
 def parsed() -> argparse.Namespace:
-    parser = program_parser("kpopnet live", __doc__)
+    parser = arguments.program_parser("kpopnet live", __doc__)
     cameras = "; ".join(f"{name}: {about}" for name, about in LIVE_CAMERAS.items())
     parser.add_argument("source", nargs="?", help=f"a recording of depth, or a camera: {cameras}")
     parser.add_argument("--loop", action="store_true", help="play a recording again and again")
@@ -52,8 +44,8 @@ def parsed() -> argparse.Namespace:
     ports = ", ".join(f"{kind} {port}" for kind, port in PORTS.items())
     parser.add_argument("--port-out", type=int, help=f"UDP port of this machine that osc or vmc goes to: {ports}")
     parser.add_argument("--no-page", action="store_true", help="stream without a page; ends with the recording")
-    add_depth(parser)
-    add_address(parser, PORT)
+    arguments.add_depth(parser)
+    arguments.add_address(parser, PORT)
     return parser.parse_args()
 
 
@@ -73,13 +65,15 @@ def watching(given: argparse.Namespace) -> Watching:
         raise InputError(f"--port-out {given.port_out}: expected 1 to {last}, with --stream {' or '.join(PORTS)}")
     if is_live(given.source):
         name = check_live(given.source, "kpopnet live")
-        check_not_given(given, (*OF_RECORDINGS, "loop"), "a live camera states its own; it is for recordings")
+        arguments.check_not_given(
+            given, (*arguments.OF_RECORDINGS, "loop"), "a live camera states its own; it is for recordings"
+        )
         open_camera = partial(open_live, given.source, given.rotate)
     else:
         path = Path(given.source)
         if not path.exists():
             raise InputError(f"{path}: no such recording, and no camera; there are {', '.join(LIVE_CAMERAS)}")
-        open_source, name = opener(path, given, in_child=True), path.name
+        open_source, name = arguments.opener(path, given, in_child=True), path.name
         open_source()
         open_camera = partial(open_recording, open_source, given.loop)
     return Watching(name, open_camera, given.data, given.checkpoint, given.people, given.stream, given.port_out)
@@ -103,7 +97,7 @@ def watch_alone(asked: Watching) -> None:
 def main() -> None:
     given = parsed()
     if not given.no_page:
-        check_server("kpopnet live", given.port)
+        arguments.check_server("kpopnet live", given.port)
     with shared_live(given.source) as given.source:
         asked = watching(given)
         if given.no_page:

@@ -38,17 +38,8 @@ from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.sources import DepthSource
 from kpopnet.sources.source import TimedDepth
+from kpopnet.viz import overlay
 from kpopnet.viz.drawing import save_png
-from kpopnet.viz.overlay import (
-    GIF_WIDTH_PX,
-    MOST_GIF_FRAMES,
-    VIDEO_WIDTH_PX,
-    overlay_image,
-    overlay_sheet,
-    resized,
-    save_gif,
-    write_video,
-)
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
 
 FORMATS = tuple(suffix[1:] for suffix in SUFFIXES)
@@ -98,31 +89,31 @@ def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray,
     """Writes overlays and page in a second pass over the recording, which may have grown since, and returns their paths."""
     frames = len(times_s)
     tiled = set(np.linspace(0, frames - 1, min(SHEET_TILES, frames)).round().astype(int).tolist())
-    in_page, in_gif = cloud_frames(frames), range(0, frames, -(-frames // MOST_GIF_FRAMES))
+    in_page, in_gif = cloud_frames(frames), range(0, frames, -(-frames // overlay.MOST_GIF_FRAMES))
     tiles, pictures, clouds = [], [], []
 
     def overlays() -> Iterator[np.ndarray]:
         images = itertools.islice(source, frames)
         for number, depth_m in enumerate(tqdm(images, "pictures", frames, unit=" images", disable=None)):
             joints_m = [person.joints_camera_m[number] for person in people]
-            image = overlay_image(depth_m, source.camera, joints_m, VIDEO_WIDTH_PX)
+            image = overlay.overlay_image(depth_m, source.camera, joints_m, overlay.VIDEO_WIDTH_PX)
             if number in tiled:
                 tiles.append((f"image {number}, {times_s[number]:.2f} s", image))
             if gif and number in in_gif:
-                pictures.append(resized(image, GIF_WIDTH_PX))
+                pictures.append(overlay.resized(image, overlay.GIF_WIDTH_PX))
             if number in in_page:
                 clouds.append(sampled_cloud(number, depth_m, source.camera, joints_m, len(in_page)))
             yield image
 
-    write_video(out / "overlay.mp4", overlays(), source.fps)
+    overlay.write_video(out / "overlay.mp4", overlays(), source.fps)
     title = f"{Path(source.name).name}: {len(people)} {'person' if len(people) == 1 else 'people'}, {frames} images"
-    save_png(out / "overlay.png", overlay_sheet(tiles, title))
+    save_png(out / "overlay.png", overlay.overlay_sheet(tiles, title))
     page = view_page(title, source.camera, times_s, [Shown(*person[1:]) for person in people], clouds)
     with atomic_path(out / "view.html") as part:
         part.write_text(page, encoding="utf-8")
     written = [out / "overlay.png", out / "overlay.mp4", out / "view.html"]
     if gif:
-        save_gif(out / "overlay.gif", pictures, in_gif.step / source.fps)
+        overlay.save_gif(out / "overlay.gif", pictures, in_gif.step / source.fps)
         written.append(out / "overlay.gif")
     return written
 

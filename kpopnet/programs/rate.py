@@ -18,7 +18,6 @@ import argparse
 import json
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
@@ -33,15 +32,12 @@ from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 
-if TYPE_CHECKING:
-    from kpopnet.evaluation.dances.pose_cache import PoseCache
-
 PORT = 8472
 
 
 @cache
-def estimated(folder: Path) -> "PoseCache":
-    """The joints of a set's learners by the network of the package."""
+def estimated(folder: Path):
+    """The joints of a set's learners by the network of the package, a `PoseCache`."""
     from kpopnet.evaluation.dances.pose_cache import PoseCache
     from kpopnet.evaluation.registry import BestConfig
 

@@ -30,18 +30,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.pose import PoseEstimator
-from kpopnet.programs.arguments import (
-    OF_DEPTH,
-    OF_RECORDINGS,
-    add_address,
-    add_depth,
-    add_grading,
-    check_grading,
-    check_not_given,
-    check_server,
-    opener,
-    program_parser,
-)
+from kpopnet.programs import arguments
 from kpopnet.programs.predict import estimated
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -168,7 +157,7 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
     path, *others = given.files
     teachers = {} if others else kpop_teachers(path)
     if teachers:
-        check_not_given(given, (*OF_DEPTH, "joint_map"), f"for recordings; {path} is a folder of dances")
+        arguments.check_not_given(given, (*arguments.OF_DEPTH, "joint_map"), f"for recordings; {path} is a folder of dances")
         expect(given.people == 1, "--people", f"a recording of depth; {path} is a folder of dances")
     if len(teachers) > 1:
         return {name: [performance] for name, performance in teachers.items()}
@@ -177,13 +166,15 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
         return {given.title or name: [performance]}
     if given.joint_map is None and holds_depth(path):
         expect(not others, str(path), "one recording of depth of all dancers, and --people")
-        source, estimator = opener(path, given, in_child=True)(), PoseEstimator.load(mode="best", people=given.people)
+        source, estimator = arguments.opener(path, given, in_child=True)(), PoseEstimator.load(mode="best", people=given.people)
         people, times_s = estimated(source, estimator, given.segmented)
         if len(people) < given.people:
             text = f"{len(people)} of {given.people} people were found" if people else "no person was found"
             raise InputError(f"{path}: {text}; the camera must see each dancer from head to feet")
         return {given.title or path.stem: [Performance(one.joints_camera_m, times_s, one.confidence) for one in people]}
-    check_not_given(given, tuple(name for name in OF_DEPTH if name != "fps"), f"for recordings of depth; {path} holds joints")
+    arguments.check_not_given(
+        given, tuple(name for name in arguments.OF_DEPTH if name != "fps"), f"for recordings of depth; {path} holds joints"
+    )
     expect(given.people == 1, "--people", "a recording of depth; of joints, a file for each dancer")
     return {given.title or path.stem: read_strangers_group(given.files, given.fps, given.joint_map)}
 
@@ -192,7 +183,7 @@ def add_own(given: argparse.Namespace) -> None:
     """Adds them to the library, each in the part that was asked for."""
     if not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
-    check_grading(given)
+    arguments.check_grading(given)
     dances = own_dances(given)
     with locked(given.data):
         library = made_library(given.data)
@@ -209,13 +200,13 @@ def checked_sources(given: argparse.Namespace) -> tuple[dict[str, str | Said], C
 
     Raises InputError here, in the terminal, for what would fail in the page.
     """
-    check_server("kpopnet teach", given.port)
+    arguments.check_server("kpopnet teach", given.port)
     if given.depth is None:
-        names = OF_RECORDINGS if given.live is not None else (*OF_RECORDINGS, "rotate")
-        check_not_given(given, names, "for the recording of --depth")
+        names = arguments.OF_RECORDINGS if given.live is not None else (*arguments.OF_RECORDINGS, "rotate")
+        arguments.check_not_given(given, names, "for the recording of --depth")
     sources, open_recording = {SIMULATED: "a simulated learner", WEBCAM: DESCRIPTION}, None
     if given.depth is not None:
-        open_recording = opener(given.depth, given, in_child=False)  # it must begin at once
+        open_recording = arguments.opener(given.depth, given, in_child=False)  # it must begin at once
         open_recording()
         sources = {RECORDING: Said("the recording {name}", name=given.depth.name)} | sources
     if given.live is not None:
@@ -247,9 +238,9 @@ def serve(given: argparse.Namespace) -> None:
 
 
 def parsed() -> argparse.Namespace:
-    parser = program_parser("kpopnet teach", __doc__)
+    parser = arguments.program_parser("kpopnet teach", __doc__)
     parser.add_argument("--data", type=Path, default=FOLDER, help="folder of dances and tries: %(default)s")
-    add_depth(parser)
+    arguments.add_depth(parser)
     if sys.argv[1:2] == ["add"]:
         parser.add_argument("add", choices=["add"])
         files = "joints, depth, or a folder in the K-Pop format (docs/teaching.md); of a group, joints of each dancer"
@@ -259,12 +250,12 @@ def parsed() -> argparse.Namespace:
         parser.add_argument("--bpm", type=float, default=120.0, help="beats per minute, the first at the start: %(default)s")
         parser.add_argument("--from", type=float, default=0.0, dest="from_s", help="second at which it begins: %(default)s")
         parser.add_argument("--to", type=float, dest="to_s", help="second at which it ends; by default the end")
-        add_grading(parser, "where the teacher's own dance has one")
+        arguments.add_grading(parser, "where the teacher's own dance has one")
         parser.add_argument("--joint-map", type=Path, metavar="FILE", help="JSON that names the points of each joint")
         parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
         return parser.parse_args()
     parser.set_defaults(add=None)
-    add_address(parser, PORT)
+    arguments.add_address(parser, PORT)
     cameras = "; ".join(f"{name}: {told}" for name, told in LIVE_CAMERAS.items())
     parser.add_argument("--live", metavar="CAMERA", help=f"a camera that watches you. {cameras}")
     parser.add_argument("--depth", type=Path, help="a recording of depth that stands in for a camera")

@@ -30,11 +30,6 @@ NOT_DEPTH = (*JOINT_SUFFIXES, ".pkl", ".pickle")
 """Endings of files of joints, and of pickles, which the reader of joints refuses with advice."""
 
 
-def add_performance(library: Library, performance: Performance, where: str, title: str, bpm: float = USUAL_BPM) -> str:
-    """Adds a dance of one dancer, as `add_group`."""
-    return add_group(library, [performance], where, title, bpm)
-
-
 def add_group(
     library: Library,
     dancers: Sequence[Performance],

@@ -65,10 +65,8 @@ def write_film(
 ) -> None:
     """Writes an .mp4 file of FPS images a second, at the speed of the try whose joints and result (see `try_result`) are given.
 
-    Before each image `tell` gets the fraction in 0..1 that is done; where it raises an error nothing is written.
-
-    Raises:
-        InputError: the try is damaged, or lasts longer than MOST_S; no encoder for videos is installed.
+    Before each image `tell` gets the fraction in 0..1 that is done; where it raises an error nothing is written. Raises
+    InputError: the try is damaged, or lasts longer than MOST_S; no encoder for videos is installed.
     """
     taught, learned = Movement(dance.quats, dance.hips_m, dance.fps), learners_movement(learner, dance.fps, body)
     begin_s, end_s, speed, scored_s, totals = _course(result, dance.about.seconds)
@@ -228,11 +226,10 @@ def make_film(connection: Connection, library: Library, tries: Tries, dance: str
             except InputError:  # the try was deleted meanwhile, and its film goes with it
                 path.unlink(missing_ok=True)
                 raise
+            connection.send((1.0, ""))
         except InputError as error:
             connection.send((0.0, error.said))
         except (BrokenPipeError, ConnectionResetError):
             raise
         except OSError as error:
             connection.send((0.0, f"the film could not be saved: {error.strerror}"))
-        else:
-            connection.send((1.0, ""))

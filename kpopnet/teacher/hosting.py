@@ -4,19 +4,15 @@ import argparse
 import asyncio
 import contextlib
 import errno
-import json
 import logging
 import os
 import shutil
 import signal
-import struct
 import tempfile
 import threading
-import time
 import webbrowser
 from collections.abc import Awaitable, Callable
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 from typing import TextIO
 
@@ -26,12 +22,15 @@ from aiohttp.http_exceptions import HttpProcessingError
 from kpopnet.errors import InputError
 from kpopnet.languages import LANGUAGES, keyed
 from kpopnet.runtime.endings import is_of_the_disk, of_the_disk
+from kpopnet.teacher.pages import SOCKETS
 from kpopnet.teacher.safety import HEADERS, LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
 
 PAGE = Path(__file__).parent / "page"
-TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml", ".LICENSE": "text/plain"}
-BINARY = "application/octet-stream"
-BINARY_TYPES = {".wasm": "application/wasm", ".data": BINARY, ".tflite": BINARY, ".binarypb": BINARY}
+TEXT = "; charset=utf-8"
+TYPES = {
+    ".html": f"text/html{TEXT}", ".css": f"text/css{TEXT}", ".js": f"text/javascript{TEXT}", ".mjs": f"text/javascript{TEXT}",
+    ".svg": f"image/svg+xml{TEXT}", ".LICENSE": f"text/plain{TEXT}", ".wasm": "application/wasm",
+}  # fmt: skip
 
 MOST_CONNECTIONS = 64
 """At a time, or a quarter of the files that this process may open; a browser opens up to seven for each page."""
@@ -47,46 +46,29 @@ END_S = 2.5
 
 
 def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: int) -> web.Application:
-    """An application that serves a page and the files of all pages.
-
-    Args:
-        index: file of the page.
-        hosts: as in `safety.guard`.
-        keys: as in `safety.guard`.
-        max_bytes: of a request.
+    """An application that serves the page in the file `index`, and the files of all pages; `hosts` and `keys` as in
+    `safety.guard`, `max_bytes` of a request.
     """
 
-    async def page(request: web.Request) -> web.StreamResponse:
-        path = PAGE / (request.match_info.get("name", index))
-        if not path.is_file():
-            raise web.HTTPNotFound(text="there is no such page\n")
-        if path.suffix in BINARY_TYPES:
-            return web.FileResponse(path, headers={"Content-Type": BINARY_TYPES[path.suffix]})
-        return web.Response(body=path.read_bytes(), content_type=TYPES[path.suffix], charset="utf-8")
+    def served_from(folder: Path) -> Callable[[web.Request], Awaitable[web.FileResponse]]:
+        async def serve(request: web.Request) -> web.FileResponse:
+            path = folder / request.match_info.get("name", index)
+            if not path.is_file():
+                raise web.HTTPNotFound(text="there is no such page\n")
+            kind = TYPES.get(path.suffix, "application/octet-stream")
+            return web.FileResponse(path, headers={"Content-Type": kind})
 
-    async def words(request: web.Request) -> web.StreamResponse:
-        text = (files("kpopnet.languages") / f"{request.match_info['language']}.mjs").read_bytes()
-        return web.Response(body=text, content_type="text/javascript", charset="utf-8")
+        return serve
 
     app = web.Application(middlewares=[guard(hosts, keys), _errors], client_max_size=max_bytes)
+    app[SOCKETS] = set()
     app.on_response_prepare.append(add_headers)
-    app.router.add_get("/", page)
-    app.router.add_get(f"/languages/{{language:{'|'.join(LANGUAGES[1:])}}}.mjs", words)
+    app.router.add_get("/", served_from(PAGE))
+    app.router.add_get(f"/languages/{{name:(?:{'|'.join(LANGUAGES[1:])})\\.mjs}}", served_from(PAGE.parents[1] / "languages"))
     app.router.add_get(
-        r"/page/{name:(?:vendor/(?:mediapipe/)?)?[a-z_]+\.(?:js|css|svg|LICENSE|wasm|data|tflite|binarypb)}", page
+        r"/page/{name:(?:vendor/(?:mediapipe/)?)?[a-z_]+\.(?:js|css|svg|LICENSE|wasm|data|tflite|binarypb)}", served_from(PAGE)
     )
     return app
-
-
-def now_ms() -> float:
-    """The wall clock, as the page's, in milliseconds."""
-    return round(1000 * time.time(), 1)
-
-
-def packed_frame(content: dict, heard_ms: tuple[float, float] | None, picture: bytes) -> bytes:
-    """What a page draws of an image, with two times of one moment, the page's and ours, from which it knows our clock."""
-    text = json.dumps({"kind": "frame"} | content | {"sent_ms": now_ms(), "heard_ms": heard_ms}, allow_nan=False).encode()
-    return struct.pack("<I", len(text)) + text + picture
 
 
 @web.middleware
@@ -112,16 +94,9 @@ def host(
 ) -> None:
     """Serves an application until the program is interrupted, and then ends within `end_s` seconds.
 
-    Args:
-        make: from names of this server and keys, as in `safety.guard`.
-        given: the command line with the words of `kpopnet.programs.arguments.add_address`.
-        greeting: printed before the address.
-        at_start: awaited before.
-        out: where the address is printed; None is the standard output.
-        end_s: longest time from Ctrl-C to the program's end.
-
-    Raises:
-        InputError: the port is taken.
+    `make` makes it from names of this server and keys, as in `safety.guard`; `given` is the command line with the words of
+    `kpopnet.programs.arguments.add_address`; `at_start` is awaited before. Prints `greeting` and the address to `out`, by
+    default the standard output. Raises InputError if the port is taken.
     """
     keys = None if is_loopback(given.host) else Keys()
     app = make((*LOOPBACK_NAMES, given.host.lower()), keys)
@@ -155,7 +130,11 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
         address = _address(given.host, server.sockets[0].getsockname()[1])
         greet(f"{address}{f'?token={keys.token}' if keys else ''}   (Ctrl+C ends)")
         if not given.no_browser:
-            webbrowser.open(address if keys is None else _private_page(Path(folder), f"{address}?token={keys.once}"))
+            if keys:  # every user of the machine sees what a browser is given: a file leads to the address with the secret
+                page = Path(folder, "open.html")
+                page.write_text(forward_to(f"{address}?token={keys.once}"), encoding="utf-8")
+                address = page.as_uri()
+            webbrowser.open(address)
         try:
             await interrupted.wait()
         finally:
@@ -185,13 +164,6 @@ def _refusing_headers(handler: Callable) -> Callable:
 def _address(host: str, port: int) -> str:
     shown = "127.0.0.1" if host in ("0.0.0.0", "::") else host
     return f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
-
-
-def _private_page(folder: Path, address: str) -> str:
-    """The address of a file that leads to an address with a secret: every user of the machine sees what a browser is given."""
-    path = folder / "open.html"
-    path.write_text(forward_to(address), encoding="utf-8")
-    return path.as_uri()
 
 
 class _Once(logging.Filter):

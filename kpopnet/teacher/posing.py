@@ -81,10 +81,8 @@ def learners_movement(learner: Performance, fps: float, body: TeacherBody) -> Mo
 def at_rate(performance: Performance, fps: float, begin_s: float | None = None, end_s: float | None = None) -> np.ndarray:
     """(T, 15, 3) float32 joints of a performance at a constant rate: those of the nearest frames.
 
-    From its first frame on to its last, unless other times within it are given, in seconds.
-
-    Raises:
-        InputError: it lasts more than MAX_S.
+    From its first frame on to its last, unless other times within it are given, in seconds. Raises InputError if it lasts more
+    than MAX_S.
     """
     begin_s = performance.times_s[0] if begin_s is None else begin_s
     end_s = performance.times_s[-1] if end_s is None else end_s

@@ -24,13 +24,9 @@ MAX_LETTERS = 40
 
 @dataclass(frozen=True)
 class Profile:
-    """What is kept of somebody beside their tries.
+    """What is kept of somebody beside their tries."""
 
-    Attributes:
-        name: as they are greeted, 1 to MAX_LETTERS letters.
-    """
-
-    name: str
+    name: str  # as they are greeted, 1 to MAX_LETTERS letters
 
     def __post_init__(self) -> None:
         check_names("name", [self.name])

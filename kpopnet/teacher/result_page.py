@@ -6,13 +6,12 @@ import json
 import re
 from importlib.resources import files
 
-import numpy as np
-
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.words.moments import PHRASE_S
 from kpopnet.languages import in_language, keyed
 from kpopnet.teacher.library import TeacherBody, stored_quats
 from kpopnet.teacher.posing import MAX_S, Movement, learners_movement
+from kpopnet.viz.view_page import packed
 
 FPS = 30.0
 MODULES = {"three": "teacher/page/vendor/three.js", "ko": "languages/ko.mjs", "de": "languages/de.mjs"} | {
@@ -30,22 +29,17 @@ def packed_body(body: TeacherBody) -> dict:
         "parents": body.bone_parents.tolist(),
         "heads_m": body.heads_m.round(5).tolist(),
         "t_pose": body.t_pose.round(6).tolist(),
-        "vertices_m": _packed(body.vertices_m, np.float32),
-        "faces": _packed(body.faces, np.uint16),
-        "weight_bones": _packed(body.weight_bones, np.uint8),
-        "weights": _packed(body.weights, np.float32),
+        "vertices_m": packed(body.vertices_m.astype("<f4")),
+        "faces": packed(body.faces.astype("<u2")),
+        "weight_bones": packed(body.weight_bones.astype("u1")),
+        "weights": packed(body.weights.astype("<f4")),
     }
 
 
 def packed_movement(moved: Movement) -> dict:
     """A movement, as JSON."""
-    quats, hips_m = _packed(stored_quats(moved.quats), np.int16), _packed(moved.hips_m, np.float32)
+    quats, hips_m = packed(stored_quats(moved.quats).astype("<i2")), packed(moved.hips_m.astype("<f4"))
     return {"fps": moved.fps, "begin_s": moved.begin_s, "quats": quats, "hips_m": hips_m}
-
-
-def _packed(array: np.ndarray, kind: type) -> str:
-    """The bytes of an array, little-endian, in base64."""
-    return base64.b64encode(np.ascontiguousarray(array, np.dtype(kind).newbyteorder("<")).tobytes()).decode()
 
 
 def result_page(
@@ -69,13 +63,13 @@ def result_page(
     given = json.dumps({"found": keyed(found), "dance": dance, "movement": learner, "body": packed_body(body)}, allow_nan=False)
     root = files("kpopnet")
     sources = {name: _IMPORT.sub(r'from "\1"', (root / path).read_text(encoding="utf-8")) for name, path in MODULES.items()}
-    packed = {name: base64.b64encode(text.encode()).decode() for name, text in sources.items()}
+    modules = {name: base64.b64encode(text.encode()).decode() for name, text in sources.items()}
     parts = {
         "title": html.escape(title),
         "language": language,
         "noscript": in_language("This page needs JavaScript; score.json beside it holds the same numbers and words.", language),
         "style": (root / "teacher/page/style.css").read_text(encoding="utf-8"),
-        "modules": json.dumps({"imports": {name: f"data:text/javascript;base64,{text}" for name, text in packed.items()}}),
+        "modules": json.dumps({"imports": {name: f"data:text/javascript;base64,{text}" for name, text in modules.items()}}),
         "given": given.replace("<", "\\u003c"),
     }
     shell = (root / "teacher/page/score.html").read_text(encoding="utf-8")

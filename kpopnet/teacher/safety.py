@@ -77,15 +77,34 @@ def guard(hosts: tuple[str, ...], keys: Keys | None):
 
     @web.middleware
     async def middleware(request: web.Request, handler) -> web.StreamResponse:
-        if refusal := _wrong_host(request, hosts, keys):
-            raise web.HTTPForbidden(text=f"{refusal}\n")
+        host = request.headers.get("Host", "")
+        name = _host_name(host)
+        # With keys, any address of this machine will do: only names can be made to point here.
+        if name not in hosts and not (keys is not None and _is_address(name)):
+            raise _refused("this server is not known by that name")
         if keys is not None and request.path == "/" and "token" in request.query:
             return _entrance(keys, request.query["token"])
-        if refusal := _wrong_origin(request) or _no_cookie(request, keys):
-            raise web.HTTPForbidden(text=f"{refusal}\n")
+        own = f"{request.scheme}://{host}".lower()
+        site = request.headers.get("Sec-Fetch-Site", "same-origin")
+        if request.headers.get("Origin", own).lower() != own or site not in ("same-origin", "none"):
+            raise _refused("a page of another site asks")
+        if keys is not None and not _same(request.cookies.get(keys.cookie[0], ""), keys.cookie[1]):
+            raise _refused(NO_TOKEN)
         return await handler(request)
 
     return middleware
+
+
+def _host_name(host: str) -> str:
+    """The name or address of a `Host` header, "" for what is none."""
+    try:
+        return (urlsplit(f"//{host}").hostname or "").lower()
+    except ValueError:
+        return ""
+
+
+def _refused(why: str) -> web.HTTPForbidden:
+    return web.HTTPForbidden(text=f"{why}\n")
 
 
 NO_TOKEN = "open the address that the program printed, with its token"
@@ -98,7 +117,7 @@ def _entrance(keys: Keys, token: str) -> web.Response:
     so this is a page, which goes on to the real one, and not a redirection.
     """
     if not keys.admit(token):
-        raise web.HTTPForbidden(text=f"{NO_TOKEN}\n")
+        raise _refused(NO_TOKEN)
     response = web.Response(text=forward_to("/"), content_type="text/html")
     response.set_cookie(*keys.cookie, httponly=True, samesite="Strict")
     return response
@@ -107,29 +126,3 @@ def _entrance(keys: Keys, token: str) -> web.Response:
 def forward_to(address: str) -> str:
     """A page that opens an address, which holds no quotes, in its place."""
     return f'<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0;url={address}"><title>kpopnet</title>\n'
-
-
-def _wrong_host(request: web.Request, hosts: tuple[str, ...], keys: Keys | None) -> str:
-    """Why a request is refused that does not name this server, "" if it does."""
-    try:
-        name = (urlsplit(f"//{request.headers.get('Host', '')}").hostname or "").lower()
-    except ValueError:
-        name = ""
-    # With keys, any address of this machine will do: only names can be made to point here.
-    known = name in hosts or (keys is not None and _is_address(name))
-    return "" if known else "this server is not known by that name"
-
-
-def _wrong_origin(request: web.Request) -> str:
-    origin, own = request.headers.get("Origin"), f"{request.scheme}://{request.headers.get('Host', '')}".lower()
-    foreign = origin is not None and origin.lower() != own
-    if foreign or request.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
-        return "a page of another site asks"
-    return ""
-
-
-def _no_cookie(request: web.Request, keys: Keys | None) -> str:
-    if keys is None:
-        return ""
-    name, value = keys.cookie
-    return "" if _same(request.cookies.get(name, ""), value) else NO_TOKEN

@@ -5,74 +5,59 @@ import contextlib
 import json
 import tempfile
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from aiohttp import WSCloseCode, WSMsgType, web
+from aiohttp import web
 
 from kpopnet.dance.joint_files.reader import SUFFIXES, read_performance, read_strangers_performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said, keyed
-from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
+from kpopnet.runtime.input_files import check_fields, settings_from
 from kpopnet.teacher import profiles
-from kpopnet.teacher.adding import USUAL_BPM, add_performance
+from kpopnet.teacher.adding import USUAL_BPM, add_group
 from kpopnet.teacher.film import Filming
-from kpopnet.teacher.hosting import now_ms, packed_frame, page_app
+from kpopnet.teacher.hosting import page_app
 from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
 from kpopnet.teacher.live.webcam import read_seen
+from kpopnet.teacher.pages import Page, close_pages, converse
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
 from kpopnet.teacher.result_page import packed_body, packed_movement
 from kpopnet.teacher.safety import Keys
 from kpopnet.teacher.tries import Tries, as_csv
 
 MAX_UPLOAD_BYTES, MAX_MESSAGE_BYTES = 32_000_000, 16_384
-PATIENCE_S = 30.0
-"""Interval of the pings that show whether a page is still there, seconds."""
-
 UPLOAD_S = 60.0
 """Longest time that a file may take to arrive."""
-
-MOST_PAGES = 16
-"""WebSockets at a time: other connections must be left for what the pages ask for."""
 
 
 @dataclass(frozen=True)
 class Teaching:
-    """Everything that the server serves.
-
-    Attributes:
-        library: the dances.
-        tries: of the learners.
-        open_camera: opens the source of depth of a lesson.
-        checkpoint: of `load_estimator`.
-        sources: names of the sources of depth to their descriptions.
-        skills: of a simulated learner.
-        faults: of a simulated learner.
-    """
+    """Everything that the server serves."""
 
     library: Library
     tries: Tries
     open_camera: CameraOpener
-    checkpoint: str | None
-    sources: dict[str, str]
-    skills: tuple[str, ...]
-    faults: tuple[str, ...]
+    checkpoint: str | None  # of `load_estimator`
+    sources: dict[str, str]  # names of the sources of depth to their descriptions
+    skills: tuple[str, ...]  # of a simulated learner
+    faults: tuple[str, ...]  # of a simulated learner
 
 
 TEACHING: web.AppKey[Teaching] = web.AppKey("teaching", Teaching)
 PROCESSES: web.AppKey[LessonProcesses] = web.AppKey("processes", LessonProcesses)
 FILMING: web.AppKey[Filming] = web.AppKey("filming", Filming)
-SOCKETS: web.AppKey[set] = web.AppKey("sockets", set)
 routes = web.RouteTableDef()
 
 
 def make_app(teaching: Teaching, hosts: tuple[str, ...], keys: Keys | None = None) -> web.Application:
     """The server's application; `hosts` and `keys` as in `safety.guard`."""
     app = page_app("index.html", hosts, keys, MAX_UPLOAD_BYTES)
-    app[TEACHING], app[SOCKETS] = teaching, set()
+    app[TEACHING] = teaching
     app[FILMING] = Filming(teaching.library, teaching.tries)
     app[PROCESSES] = LessonProcesses(teaching.open_camera, teaching.checkpoint)
     app.on_shutdown.append(_end)
@@ -84,7 +69,7 @@ def make_app(teaching: Teaching, hosts: tuple[str, ...], keys: Keys | None = Non
 async def _end(app: web.Application) -> None:
     """Ends what pages still wait for, and the processes."""
     app[FILMING].end()
-    await asyncio.gather(*(socket.close(code=WSCloseCode.GOING_AWAY) for socket in set(app[SOCKETS])))
+    await close_pages(app)
     await asyncio.to_thread(app[PROCESSES].end)
 
 
@@ -152,7 +137,7 @@ async def upload(request: web.Request) -> web.Response:
             performance = await asyncio.to_thread(read_strangers_performance, path)
         except InputError as error:
             raise InputError(str(error).replace(str(path), "the file")) from error
-    added = await asyncio.to_thread(add_performance, library, performance, Said("the file"), title, bpm)
+    added = await asyncio.to_thread(add_group, library, [performance], Said("the file"), title, bpm)
     return web.json_response({"identity": added})
 
 
@@ -181,13 +166,18 @@ async def profile(request: web.Request) -> web.Response:
     return web.json_response(shown)
 
 
-@routes.get(r"/api/tries/{dance}/{name}.{kind:json|csv|bvh}")
-async def session(request: web.Request) -> web.Response:
-    """A try as a file: result, course, or the learner's movement."""
+@routes.get(r"/api/tries/{dance}/{name}.{kind:json|csv|bvh|mp4}")
+async def session(request: web.Request) -> web.StreamResponse:
+    """A try as a file: result, course, the learner's movement, or the film, when it is made."""
     teaching, kind = request.app[TEACHING], request.match_info["kind"]
     dance, name = request.match_info["dance"], request.match_info["name"]
-    result = teaching.tries.result(dance, name)
     attachment = {"Content-Disposition": f'attachment; filename="{dance}-{name}.{kind}"'}
+    if kind == "mp4":
+        path = teaching.tries.film_path(dance, name)
+        if not path.is_file():
+            raise InputError("this film is not made yet")
+        return web.FileResponse(path, headers=attachment)
+    result = teaching.tries.result(dance, name)
     if kind == "json":
         return web.json_response(result, headers=attachment)
     if kind == "csv":
@@ -219,16 +209,6 @@ async def make_film(request: web.Request) -> web.StreamResponse:
     return response
 
 
-@routes.get(r"/api/tries/{dance}/{name}.mp4")
-async def film(request: web.Request) -> web.StreamResponse:
-    """The film of a try, when it is made."""
-    dance, name = request.match_info["dance"], request.match_info["name"]
-    path = request.app[TEACHING].tries.film_path(dance, name)
-    if not path.is_file():
-        raise InputError("this film is not made yet")
-    return web.FileResponse(path, headers={"Content-Disposition": f'attachment; filename="{dance}-{name}.mp4"'})
-
-
 @routes.get("/api/tries/{dance}/{name}/movement")
 async def movement(request: web.Request) -> web.Response:
     """The learner's movement in a try on the teacher's body, for the replay."""
@@ -244,42 +224,19 @@ def _learners_movement(teaching: Teaching, dance: str, name: str) -> Movement:
 @routes.get("/live")
 async def live(request: web.Request) -> web.WebSocketResponse:
     """A page's lessons, one after another; docs/teaching.md lists the messages."""
-    if len(request.app[SOCKETS]) >= MOST_PAGES:
-        raise web.HTTPServiceUnavailable(text=f"{MOST_PAGES} windows are open; close one of them\n")
-    socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=PATIENCE_S)
-    await socket.prepare(request)
-    request.app[SOCKETS].add(socket)
-    lessons = PageLessons(socket, request.app)
-    try:
-        async for message in socket:
-            if message.type is not WSMsgType.TEXT:
-                break
-            try:
-                lessons.follow(parse_json(message.data, "the page's message"))
-            except InputError as error:
-                await lessons.tell({"kind": "error", "text": keyed(error.said)})
-    finally:
-        request.app[SOCKETS].discard(socket)
-        lessons.leave()
-    return socket
+    return await converse(request, partial(PageLessons, app=request.app), MAX_MESSAGE_BYTES)
 
 
-class PageLessons:
+class PageLessons(Page):
     """The lessons of one page: its messages go to a process, and the process's to the page."""
 
     def __init__(self, socket: web.WebSocketResponse, app: web.Application) -> None:
-        self._socket, self._teaching, self._processes, self._profiles = (
-            socket,
-            app[TEACHING],
-            app[PROCESSES],
-            app[profiles.PROFILES],
-        )
+        super().__init__(socket)
+        self._teaching, self._processes, self._profiles = app[TEACHING], app[PROCESSES], app[profiles.PROFILES]
         self._process: LessonProcess | None = None
         self._forwarding: asyncio.Task | None = None
-        self._heard_ms: tuple[float, float] | None = None
 
     def follow(self, message: Any) -> None:
-        """Does what the page asks. Raises InputError if it asks wrongly."""
         what = check_fields("the page's message", message, {"do": str})["do"]
         if what == "prepare":
             self._prepare(settings_from(Lesson, message.get("lesson"), "the lesson"))
@@ -292,7 +249,7 @@ class PageLessons:
         elif what == "see" and self._process is not None:
             self._process.see(read_seen(message))
         elif what == "drawn":
-            self._heard_ms = check_fields(what, message, {"page_ms": float})["page_ms"], now_ms()
+            self.drawn(message)
             if self._process is not None:
                 self._process.want_frame()
         elif what == "stop":
@@ -317,12 +274,7 @@ class PageLessons:
             self._process.send("stop")
         self._process.prepare(lesson, dance)
 
-    async def tell(self, message: dict) -> None:
-        with contextlib.suppress(ConnectionError):
-            await self._socket.send_str(json.dumps(message, allow_nan=False))
-
     def leave(self) -> None:
-        """Ends the lesson, if there is one."""
         if self._forwarding is not None:
             self._forwarding.cancel()
         if self._process is not None:
@@ -333,30 +285,28 @@ class PageLessons:
         members: list[dict] = []  # who danced beside the first learner
         while True:
             kind, content, attached = await process.next()
-            message = {"kind": kind} | content
             if kind == "frame":
-                with contextlib.suppress(ConnectionError):
-                    await self._socket.send_bytes(packed_frame(message, self._heard_ms, attached))
-                continue
-            if kind == "preparing":
-                members = []  # of a try that was left just before its end
-            if kind == "member":
-                session = None
-                if content["total"] is not None:
-                    with contextlib.suppress(OSError):  # the first learner's try, which follows, says so
-                        session = await asyncio.to_thread(self._teaching.tries.save, content, attached)
-                members.append({"session": session, "total": content["total"]})
-                continue
-            if kind == "done" and members:
-                content |= {"members": members}
-                members = []
-            if kind == "done" and content.get("total") is not None:  # a person was seen
-                try:
-                    if content["who"]:
-                        self._profiles.profile(content["who"])
-                    message["session"] = await asyncio.to_thread(self._teaching.tries.save, content, attached)
-                except InputError as error:  # the profile was deleted meanwhile
-                    message["not_saved"] = keyed(Said("this try was not saved: {reason}", reason=error.said))
-                except OSError as error:
-                    message["not_saved"] = keyed(Said("this try could not be saved: {reason}", reason=error.strerror))
-            await self.tell(message)
+                await self.show(content, attached)
+            elif kind == "member":
+                kept = await self._keep(content, attached)  # the first learner's try, which follows, says what goes wrong
+                members.append({"session": kept.get("session"), "total": content["total"]})
+            else:
+                message = {"kind": kind} | content
+                if kind == "done":
+                    message |= await self._keep(content | ({"members": members} if members else {}), attached)
+                if kind in ("done", "preparing"):  # of a try that was left just before its end
+                    members = []
+                await self.tell(message)
+
+    async def _keep(self, result: dict, arrays: Any) -> dict:
+        """Saves a try in which a person was seen; its name, or why it is not saved, for the page."""
+        if result.get("total") is None:
+            return {}
+        try:
+            if result["who"]:
+                self._profiles.profile(result["who"])
+            return {"session": await asyncio.to_thread(self._teaching.tries.save, result, arrays)}
+        except InputError as error:  # the profile was deleted meanwhile
+            return {"not_saved": keyed(Said("this try was not saved: {reason}", reason=error.said))}
+        except OSError as error:
+            return {"not_saved": keyed(Said("this try could not be saved: {reason}", reason=error.strerror))}

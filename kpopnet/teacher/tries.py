@@ -8,6 +8,7 @@ import json
 import re
 import time
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ class Tries:
         """Writes a try and returns its name. The result is written last: a try that is listed is complete."""
         place = self.folder / result["dance"]
         place.mkdir(parents=True, exist_ok=True)
-        while not claim(place / f"{(name := _name_of(time.time()))}.npz"):
+        while not claim(place / f"{(name := datetime.now().strftime('%Y%m%d-%H%M%S-%f')[:-3])}.npz"):
             time.sleep(0.002)
         with atomic_path(place / f"{name}.npz") as part, part.open("wb") as file:
             np.savez_compressed(file, **arrays)
@@ -86,10 +87,6 @@ class Tries:
     def film_path(self, dance: str, name: str) -> Path:
         """Where the film of a try is kept, which may not be made yet; raises as `path`."""
         return self.path(dance, name, "json").with_suffix(".mp4")
-
-
-def _name_of(now: float) -> str:
-    return f"{time.strftime('%Y%m%d-%H%M%S', time.localtime(now))}-{int(now % 1 * 1000):03d}"
 
 
 def as_csv(result: dict) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from kpopnet.dance.performance import Performance
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.teacher.adding import add_performance
+from kpopnet.teacher.adding import add_group
 from kpopnet.teacher.library import Library, TeacherBody
 from kpopnet.teacher.tries import Tries
 
@@ -27,7 +27,7 @@ def main() -> None:
     performance = Performance(np.repeat(joints_m[None], 180, axis=0), np.arange(180) / 30)
     with locked(folder):
         while (dances := len(library.identities())) < count:
-            print(add_performance(library, performance, "a.npz", f"title {dances}"), flush=True)
+            print(add_group(library, [performance], "a.npz", f"title {dances}"), flush=True)
         while len(tries.history(DANCE)) < count:
             result = {"dance": DANCE, "total": 80.0, "speed": 1.0, "from_s": 0.0, "to_s": 6.0, "course": [0.0] * 1000}
             print(tries.save(result, {"joints_m": performance.joints_m}), flush=True)

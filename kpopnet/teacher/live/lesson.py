@@ -15,53 +15,36 @@ MOST_LEARNERS = 3
 MIN_EXCERPT_S = 2.5
 """A window of the score lasts 2 s."""
 
+BOUNDS = {
+    "speed": (0.25, 1.5), "latency_s": (-1, 1), "from_s": (0, 7200), "to_s": (0, 7200), "seed": (0, 2**31),
+    "people": (1, MOST_LEARNERS), "dancer": (0, MOST_DANCERS - 1),
+}  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Lesson:
-    """One try of a dance.
+    """One try of a dance."""
 
-    Attributes:
-        dance: its identity in the library.
-        source: name of the source of depth; simulated for a learner made by a program.
-        skill: how well a simulated learner dances.
-        fault: the fault that a simulated learner has, "" for none.
-        seed: of a simulated learner's body, room and errors.
-        speed: of the dance, 1 for its own tempo; more where it follows the beats of a faster song.
-        from_s: start of the excerpt, seconds of the dance at its own tempo.
-        to_s: its end; 0 for the end of the dance.
-        mirrored: whether the teacher is shown as in a mirror: the learner's left is the teacher's left.
-        latency_s: delay of camera, sound and display, taken off the learner's times, seconds.
-        calibrate: whether that delay is measured: the learner raises an arm every CALIBRATION_BEAT_S, and nothing is scored.
-        who: the profile whose try it is, "" for none; of several learners the first's.
-        people: learners beside each other.
-        dancer: whom of a group the learner dances, from 0 on the group's left; of several learners the one on their left.
-    """
-
-    dance: str
-    source: str = "simulated"
-    skill: str = "good"
-    fault: str = ""
-    seed: int = 0
-    speed: float = 1.0
-    from_s: float = 0.0
-    to_s: float = 0.0
-    mirrored: bool = True
-    latency_s: float = 0.0
-    calibrate: bool = False
-    who: str = ""
-    people: int = 1
-    dancer: int = 0
+    dance: str  # its identity in the library
+    source: str = "simulated"  # name of the source of depth; simulated for a learner made by a program
+    skill: str = "good"  # how well a simulated learner dances
+    fault: str = ""  # the fault that a simulated learner has, "" for none
+    seed: int = 0  # of a simulated learner's body, room and errors
+    speed: float = 1.0  # of the dance, 1 for its own tempo; more where it follows the beats of a faster song
+    from_s: float = 0.0  # start of the excerpt, seconds of the dance at its own tempo
+    to_s: float = 0.0  # its end; 0 for the end of the dance
+    mirrored: bool = True  # whether the teacher is shown as in a mirror: the learner's left is the teacher's left
+    latency_s: float = 0.0  # delay of camera, sound and display, taken off the learner's times, seconds
+    calibrate: bool = False  # that delay is measured: the learner raises an arm every CALIBRATION_BEAT_S, nothing is scored
+    who: str = ""  # the profile whose try it is, "" for none; of several learners the first's
+    people: int = 1  # learners beside each other
+    dancer: int = 0  # whom of a group the learner dances, from 0 on the group's left; of several learners the one on their left
 
     def __post_init__(self) -> None:
         if not IDENTITY.fullmatch(self.dance):
             raise InputError("there is no such dance")
-        check_between("speed", self.speed, 0.25, 1.5)
-        check_between("latency_s", self.latency_s, -1, 1)
-        check_between("from_s", self.from_s, 0, 7200)
-        check_between("to_s", self.to_s, 0, 7200)
-        check_between("seed", self.seed, 0, 2**31)
-        check_between("people", self.people, 1, MOST_LEARNERS)
-        check_between("dancer", self.dancer, 0, MOST_DANCERS - 1)
+        for name, (least, most) in BOUNDS.items():
+            check_between(name, getattr(self, name), least, most)
         if self.calibrate and self.people > 1:
             raise InputError(f"people {self.people}: the latency is measured with one learner")
 
@@ -75,11 +58,7 @@ class Lesson:
 
 
 class DanceClock:
-    """Says where in the dance a moment lies; before it is started it stands at the excerpt's start.
-
-    Attributes:
-        paused_s: where in the dance it was interrupted, None if it was not.
-    """
+    """Says where in the dance a moment lies; before it is started it stands at the excerpt's start."""
 
     def __init__(self, from_s: float, speed: float) -> None:
         self._begin_s, self._speed = from_s, speed
@@ -102,7 +81,7 @@ class DanceClock:
     def stop(self) -> None:
         """It stands at the excerpt's start again."""
         self._from_s, self._start = self._begin_s, math.inf
-        self.paused_s: float | None = None
+        self.paused_s: float | None = None  # where in the dance it was interrupted
 
     def pause(self, at_s: float) -> None:
         """It stands still at a time of the dance."""

@@ -154,12 +154,7 @@ class RunningLesson:
     """One lesson: as many tries of its dance as the page asks for."""
 
     def __init__(
-        self,
-        lesson: Lesson,
-        dance: TaughtDance,
-        open_camera: CameraOpener,
-        estimator: PoseEstimator,
-        tell: Callable[..., None],
+        self, lesson: Lesson, dance: TaughtDance, open_camera: CameraOpener, estimator: PoseEstimator, tell: Callable[..., None]
     ) -> None:
         self._webcam = WebcamCamera() if lesson.source == WEBCAM else None
         self._lesson, self._dance, self._tell = lesson, dance, tell
@@ -181,18 +176,15 @@ class RunningLesson:
         return max(one.seen_s for one in self._tries)
 
     def _new_tries(self) -> list[DanceTry]:
-        return [self._new_try(dancer) for dancer in self._taught]
-
-    def _new_try(self, dancer: int) -> DanceTry:
-        lesson, dance = replace(self._lesson, dancer=dancer), self._dance.dancers[dancer]
-        return (Calibration if lesson.calibrate else DanceTry)(lesson, dance, noise_of(self._estimator))
+        kind, noise = Calibration if self._lesson.calibrate else DanceTry, noise_of(self._estimator)
+        return [kind(replace(self._lesson, dancer=dancer), self._dance.dancers[dancer], noise) for dancer in self._taught]
 
     def warm(self, kernels: CompiledKernels, connection: Connection) -> bool:
         """Compiles everything that the lesson needs, with progress, until poses come in real time.
 
         Returns whether the lesson goes on.
         """
-        self._new_try(self._taught[0]).compile()
+        self._tries[0].compile()
         steady, began = 0, time.monotonic()
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_PATIENCE_S + kernels.count:
             if not self._follow(connection):
@@ -248,9 +240,8 @@ class RunningLesson:
             if self._dance.others and not clock.running and clock.paused_s is None:
                 self._learners, poses = from_the_left(self._learners, poses)
             for one, person in zip(self._tries, poses, strict=True):
-                joints_m, confidence = (None, None) if person is None else person[1:]
-                one.score(clock, image, joints_m, confidence)
-                shown.append(one.shown(clock, image, joints_m, confidence, self._camera))
+                one.score(clock, image, person)
+                shown.append(one.shown(clock, image, person, self._camera))
             content = shown[0] | {"dropped": images.dropped, "others": shown[1:]}
             self._tell("frame", content, picture(NO_DEPTH_M if self._webcam else image.depth_m))
         for member, one in enumerate(self._tries):

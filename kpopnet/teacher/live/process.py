@@ -26,24 +26,57 @@ END_S = 1.0
 """How long the processes have to end by themselves, seconds."""
 
 
-class Process:
-    """One process and its messages, in order; of the images ("frame", ...) only the newest is kept, until the page wants it."""
+class Messages:
+    """Messages in order: kind, content, and what is attached. Of the images ("frame", ...) only the newest is kept, until the
+    page wants it, so that none waits at a page that draws slowly.
+    """
+
+    def __init__(self) -> None:
+        self._arrived = asyncio.Event()
+        self.clear()
+
+    def clear(self) -> None:
+        self._kept: list[tuple[str, dict, Any]] = []
+        self._frame_wanted = True
+
+    def put(self, kind: str, content: dict, attached: Any) -> None:
+        if kind != "verdict":  # a newer frame, or a message after which an older one says what no longer holds
+            self._kept = [one for one in self._kept if one[0] != "frame"]
+        self._kept.append((kind, content, attached))
+        self._arrived.set()
+
+    async def next(self) -> tuple[str, dict, Any]:
+        """The next message. After a frame none until `want_frame`."""
+        while True:
+            for place, (kind, *_) in enumerate(self._kept):
+                if kind != "frame" or self._frame_wanted:
+                    self._frame_wanted &= kind != "frame"
+                    return self._kept.pop(place)
+            self._arrived.clear()
+            await self._arrived.wait()
+
+    def want_frame(self) -> None:
+        """The page has drawn the last frame: the newest may follow."""
+        self._frame_wanted = True
+        self._arrived.set()
+
+
+class Process(Messages):
+    """One process and what it says."""
 
     def __init__(self, work: Callable[..., None], given: tuple, name: str) -> None:
         """Starts a function of a module with one end of a pipe and what it is `given`.
 
         It sends (number, kind, content, attached); those of another than the current number are dropped.
         """
+        super().__init__()
         context = multiprocessing.get_context("spawn")
         self._connection, other = context.Pipe()
         self._process = context.Process(target=work, args=(other, *given), daemon=True, name=name)
         self._process.start()
         other.close()
         self._name, self._number = name, 0
-        self._kept: list[tuple] = []
-        self._frame_wanted = True
         self._loop = asyncio.get_running_loop()
-        self._arrived = asyncio.Event()
         self._unsent: queue.Queue[tuple] = queue.Queue(MOST_UNSENT)
         for passed_on in (self._listen, self._pass_on):
             threading.Thread(target=passed_on, daemon=True, name=f"{name} {passed_on.__name__}").start()
@@ -58,21 +91,6 @@ class Process:
             self._unsent.put_nowait(message)
         except queue.Full as error:
             raise InputError("the process that watches you does not answer; close this page and open it again") from error
-
-    async def next(self) -> tuple[str, dict, Any]:
-        """The next message: kind, content, and a picture or the learner's arrays. After a frame none until `want_frame`."""
-        while True:
-            for place, (kind, *_) in enumerate(self._kept):
-                if kind != "frame" or self._frame_wanted:
-                    self._frame_wanted &= kind != "frame"
-                    return self._kept.pop(place)
-            self._arrived.clear()
-            await self._arrived.wait()
-
-    def want_frame(self) -> None:
-        """The page has drawn the last frame: the newest may follow, so that none waits at a page that draws slowly."""
-        self._frame_wanted = True
-        self._arrived.set()
 
     def end(self, by_s: float) -> None:
         """Ends the process, which was told "quit", at a moment of `time.monotonic` at the latest."""
@@ -95,15 +113,11 @@ class Process:
 
     def _hand_over(self, number: int, *message: Any) -> None:
         with contextlib.suppress(RuntimeError):  # the server has ended
-            self._loop.call_soon_threadsafe(self._keep, number, message)
+            self._loop.call_soon_threadsafe(self._put_current, number, *message)
 
-    def _keep(self, number: int, message: tuple) -> None:
-        if number != self._number:
-            return
-        if message[0] != "verdict":  # a newer frame, or a message after which an older one says what no longer holds
-            self._kept = [one for one in self._kept if one[0] != "frame"]
-        self._kept.append(message)
-        self._arrived.set()
+    def _put_current(self, number: int, *message: Any) -> None:
+        if number == self._number:
+            self.put(*message)
 
 
 class LessonProcess(Process):
@@ -115,8 +129,7 @@ class LessonProcess(Process):
     def prepare(self, lesson: Lesson, dance: TaughtDance) -> None:
         """Begins another lesson; messages of the one before are dropped."""
         self._number += 1
-        self._kept.clear()
-        self._frame_wanted = True
+        self.clear()
         self.send("prepare", self._number, lesson, dance)
 
     def see(self, seen: Seen) -> None:
@@ -138,11 +151,7 @@ class LessonProcesses:
         self._idle.append(LessonProcess(*self._given))
 
     def borrow(self) -> LessonProcess:
-        """A process, warm if there is one.
-
-        Raises:
-            InputError: MOST lessons are going on.
-        """
+        """A process, warm if there is one. Raises InputError if MOST lessons are going on."""
         self._idle = [process for process in self._idle if process.alive]
         if len(self._busy) >= MOST:
             raise InputError(Said("{count} dances are going on in other windows; close one of them", count=MOST))

@@ -18,6 +18,7 @@ from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.moments import at
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
+from kpopnet.pose import PersonPose
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources.live import Image
 from kpopnet.teacher.library import MOVE_COUNTS, TaughtDance
@@ -46,24 +47,17 @@ CALIBRATION_SETTLED_S = 1.5 * CALIBRATION_BEAT_S
 
 
 class DanceTry:
-    """One try of a dance, from its first image on.
-
-    Attributes:
-        begin_s: start of the excerpt, seconds of the dance.
-        end_s: its end.
-    """
+    """One try of a dance, from its first image on."""
 
     def __init__(self, lesson: Lesson, dance: TaughtDance, noise: str) -> None:
         """Begins a try; `noise` is the name of the estimator's errors in `kpopnet.dance.parts.NOISE`."""
         self._lesson, self._about = lesson, dance.about
-        self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)
+        self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)  # seconds of the dance
         self._config = scorer_config(lesson, noise)
         self._teacher = excerpt(dance.performance, self.begin_s, self.end_s)
         self._scorer = OnlineScorer(self._teacher, self._config, self._about.free_s)
         self._images = 0  # while the dance went on, whether the learner was seen or not
-        self._times_s: list[float] = []
-        self._joints_m: list[np.ndarray] = []
-        self._confidence: list[np.ndarray] = []
+        self._seen: list[tuple[float, np.ndarray, np.ndarray]] = []  # times without the latency, joints, confidence
         self._latest: OnlineScore | None = None
         self._words, self._words_s = "", -math.inf
         self._next_move = 1
@@ -82,23 +76,23 @@ class DanceTry:
     @property
     def seen_s(self) -> float:
         """Up to where the dance was scored."""
-        return self._times_s[-1] + self._config.latency_s if self._times_s else self.begin_s
+        return self._seen[-1][0] + self._config.latency_s if self._seen else self.begin_s
 
     def is_over(self, clock: DanceClock) -> bool:
         return clock.dance_s(time.monotonic()) > self.end_s + self._config.latency_s + 0.1
 
-    def score(self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None) -> None:
-        """Adds an image's joints, (15, 3) metres, to the score, if the dance is going on and the learner is there."""
+    def score(self, clock: DanceClock, image: Image, person: PersonPose | None) -> None:
+        """Adds an image to the score, if the dance is going on and the learner is there."""
         time_s = clock.dance_s(image.taken)
-        if not clock.running or time_s < self.begin_s or (self._times_s and time_s <= self.seen_s):
+        if not clock.running or time_s < self.begin_s or (self._seen and time_s <= self.seen_s):
             return
         self._images += 1
-        if joints_m is None or confidence is None:
+        if person is None:
             return
-        confidence = np.clip(confidence, 0, 1)
+        joints_m, confidence = person.joints_camera_m, np.clip(person.confidence, 0, 1)
         for between_s, between_m in self._bridge(time_s, joints_m):
             self._scorer.update(between_m, between_s, confidence)
-        self._keep(time_s - self._config.latency_s, joints_m, confidence)
+        self._seen.append((time_s - self._config.latency_s, joints_m, confidence))
         self._latest = self._scorer.update(joints_m, time_s, confidence)
         self._score_move()
         if self._latest is not None and time_s - self._words_s >= WORDS_EVERY_S * self._lesson.speed:
@@ -106,16 +100,11 @@ class DanceTry:
             so_far = self._scorer.score_so_far()
             self._words = "" if so_far is None else latest_words(so_far)
 
-    def _keep(self, time_s: float, joints_m: np.ndarray, confidence: np.ndarray) -> None:
-        self._times_s.append(time_s)
-        self._joints_m.append(joints_m)
-        self._confidence.append(confidence)
-
     def _bridge(self, time_s: float, joints_m: np.ndarray) -> list[tuple[float, np.ndarray]]:
         """Times and joints on straight lines from the last image's to these, where some images were dropped in between."""
-        if not self._times_s:
+        if not self._seen:
             return []
-        before_s, before_m = self.seen_s, self._joints_m[-1]
+        before_s, (_, before_m, _) = self.seen_s, self._seen[-1]
         gap_s = time_s - before_s
         steps = round(gap_s * BRIDGE_FPS) if gap_s < MAX_BRIDGE_S else 1
         shares = [step / steps for step in range(1, steps)]
@@ -125,7 +114,7 @@ class DanceTry:
         """Scores the move that has just ended, once; between two ends, and where nothing is compared, there is no verdict."""
         self._verdict = None
         move_s = MOVE_COUNTS * self._about.beat_s
-        ended_s = self._times_s[-1] - WAIT_S * self._lesson.speed
+        ended_s = self._seen[-1][0] - WAIT_S * self._lesson.speed
         number = max(self._next_move, math.floor((ended_s - self.begin_s) / move_s))
         end_s = self.begin_s + number * move_s
         scored_s = max(end_s, self.begin_s + LEAST_S)
@@ -152,21 +141,19 @@ class DanceTry:
         self._verdicts_ms.append(round(1000 * after_s / self._lesson.speed))
         return verdict | {"after_ms": self._verdicts_ms[-1]}
 
-    def shown(
-        self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None, camera: Camera
-    ) -> dict:
+    def shown(self, clock: DanceClock, image: Image, person: PersonPose | None, camera: Camera) -> dict:
         """What the page shows of an image: joints in fractions of the picture, scores, words, and the time it was taken."""
         points = None
-        if joints_m is not None and confidence is not None:
-            uvz = camera.project(joints_m) / [camera.width, camera.height, 1.0]
-            points = [[rounded(value, 3) for value in point] for point in np.column_stack([uvz, confidence])]
+        if person is not None:
+            uvz = camera.project(person.joints_camera_m) / [camera.width, camera.height, 1.0]
+            points = [[rounded(value, 3) for value in point] for point in np.column_stack([uvz, person.confidence])]
         latest = self._latest if clock.running else None
         age_s = time.monotonic() - image.taken
         self._ages_ms.append(round(1000 * age_s))
         return {
             "time_s": rounded(clock.dance_s(image.taken), 3) if clock.running else None,
             "joints": points,
-            "guidance": where_to_stand(joints_m, confidence, camera),
+            "guidance": where_to_stand(person, camera),
             "words": self._words if latest and not latest.similarity >= PRAISED_FROM else "",
             "total": rounded(latest.similarity, 3) if latest else None,
             "so_far": rounded(latest.so_far, 3) if latest else None,
@@ -184,9 +171,9 @@ class DanceTry:
             score = self._scorer.finish()
         except InputError:  # no person was in view for a whole window
             score = None
-        frames, ages, verdicts = len(self._times_s), self._ages_ms or [0], self._verdicts_ms or [0]
+        ages, verdicts = self._ages_ms or [0], self._verdicts_ms or [0]
         notes = {
-            "frames": frames,
+            "frames": len(self._seen),
             "fps": rounded(self._images / (self.end_s - self.begin_s) * self._lesson.speed, 3),
             "dropped": dropped,
             "age_ms_median": float(np.median(ages)),
@@ -197,11 +184,11 @@ class DanceTry:
         return try_result(score, self._lesson, self._about, notes), self._recorded()
 
     def _recorded(self) -> dict[str, np.ndarray]:
-        frames = len(self._times_s)
+        times_s, joints_m, confidence = zip(*self._seen, strict=True) if self._seen else ((), (), ())
         return {
-            "times_s": np.array(self._times_s, np.float64),
-            "joints_m": np.array(self._joints_m, np.float32).reshape(frames, NUM_JOINTS, 3),
-            "confidence": np.array(self._confidence, np.float32).reshape(frames, NUM_JOINTS),
+            "times_s": np.array(times_s, np.float64),
+            "joints_m": np.array(joints_m, np.float32).reshape(-1, NUM_JOINTS, 3),
+            "confidence": np.array(confidence, np.float32).reshape(-1, NUM_JOINTS),
         }
 
 
@@ -211,10 +198,10 @@ class Calibration(DanceTry):
     def compile(self) -> None:
         """Nothing needs to be compiled."""
 
-    def score(self, clock: DanceClock, image: Image, joints_m: np.ndarray | None, confidence: np.ndarray | None) -> None:
+    def score(self, clock: DanceClock, image: Image, person: PersonPose | None) -> None:
         time_s = clock.dance_s(image.taken)
-        if clock.running and joints_m is not None and confidence is not None and time_s >= CALIBRATION_SETTLED_S:
-            self._keep(time_s, joints_m, confidence)
+        if clock.running and person is not None and time_s >= CALIBRATION_SETTLED_S:
+            self._seen.append((time_s, person.joints_camera_m, person.confidence))
 
     def finish(self, dropped: int) -> tuple[dict, dict[str, np.ndarray]]:
         """The latency in seconds, None where the learner did not move on the beat; and no joints."""
@@ -231,7 +218,7 @@ def together(members: list[dict[str, np.ndarray]], free_s: Stretches) -> dict | 
     are not compared. None where two were not seen for a window at the same time.
     """
     try:
-        dances = [Performance(one["joints_m"], one["times_s"], one["confidence"]) for one in members]
+        dances = [Performance(**one) for one in members]
         pairs = [score_dance(a, b, free_s=free_s) for a, b in itertools.permutations(dances, 2)]
     except InputError:
         return None
@@ -247,7 +234,7 @@ def kept_formation(dancers: list[TaughtDance], members: list[dict[str, np.ndarra
     The group's first dancer says what is free.
     """
     try:
-        learners = [Performance(one["joints_m"], one["times_s"], one["confidence"]) for one in members]
+        learners = [Performance(**one) for one in members]
     except InputError:
         return None
     if (found := formation([one.performance for one in dancers], learners, dancers[0].about.free_s)) is None:

@@ -64,17 +64,13 @@ def read_seen(message: Any) -> Seen:
 
 
 class WebcamCamera:
-    """The webcam as the lesson sees it: a `LiveCamera` whose images are `Landmarks` or None.
-
-    Attributes:
-        keep: takes what the page saw.
-    """
+    """The webcam as the lesson sees it: a `LiveCamera` whose images are `Landmarks` or None."""
 
     camera = CAMERA
 
     def __init__(self) -> None:
         self._seen: queue.SimpleQueue[Seen] = queue.SimpleQueue()
-        self.keep = self._seen.put
+        self.keep = self._seen.put  # takes what the page saw
 
     def read(self) -> Seen:
         """See `LiveCamera.read`."""

@@ -14,6 +14,7 @@ from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.causes import CAUSES
 from kpopnet.dance.words.moments import MIN_DELAY_S, Moment, at
 from kpopnet.languages import Said
+from kpopnet.pose import PersonPose
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import About
 from kpopnet.teacher.live.lesson import Lesson
@@ -35,14 +36,11 @@ MIN_FPS = 10.0
 _FEET = [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
 
 
-def where_to_stand(joints_camera_m: np.ndarray | None, confidence: np.ndarray | None, camera: Camera) -> str:
-    """What the learner should change so that the camera sees them, "" if nothing.
-
-    From their joints (15, 3) in metres and confidence (15,) in 0..1; None if no person is seen.
-    """
-    if joints_camera_m is None or confidence is None or not np.isfinite(joints_camera_m).all(axis=1).any():
+def where_to_stand(person: PersonPose | None, camera: Camera) -> str:
+    """What the learner should change so that the camera sees them, "" if nothing."""
+    if person is None or not np.isfinite(person.joints_camera_m).all(axis=1).any():
         return "no person seen"
-    u, v, z = camera.project(joints_camera_m).T
+    u, v, z = camera.project(person.joints_camera_m).T
     torso_m = float(np.nanmedian(z))
     if torso_m > FAR_M:
         return "come closer"
@@ -52,7 +50,7 @@ def where_to_stand(joints_camera_m: np.ndarray | None, confidence: np.ndarray | 
     feet_out = bool((np.nan_to_num(v[_FEET], nan=np.inf) > bottom).any())
     if feet_out and head < top + camera.height * 0.1:
         return "step back"
-    if feet_out or confidence[_FEET].max() < HIDDEN_CONFIDENCE:
+    if feet_out or person.confidence[_FEET].max() < HIDDEN_CONFIDENCE:
         return "your feet are hidden"
     if head < top:
         return "step back"

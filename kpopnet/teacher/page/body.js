@@ -8,9 +8,7 @@ import { ask, clamp, unpacked } from "./tools.js";
 let body = null;
 
 export async function loadBody() {
-  if (body === null) {
-    body = bodyOf(await ask("/api/body"));
-  }
+  body ??= bodyOf(await ask("/api/body"));
   return body;
 }
 

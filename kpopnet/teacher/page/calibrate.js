@@ -1,6 +1,7 @@
 // A guided step that measures how late camera, sound and screen make what is scored: an arm on every beat.
 import { LearnerView } from "./learner.js";
 import { liveFor } from "./live.js";
+import { choice } from "./panels.js";
 import { Sound } from "./sound.js";
 import { ask, el, keepLatency, latencyOf, milliseconds, remember, remembered } from "./tools.js";
 import { say } from "./words.js";
@@ -13,10 +14,8 @@ export async function calibrate(main) {
   const dance = dances.find((one) => one.seconds >= BEATS * BEAT_S); // its length is all that is used of it
   if (!dance) throw new Error(say("there is no dance that is long enough to count with"));
   const state = { start: 0, running: false, closed: false }, sound = new Sound();
-  const source = el("select", { id: "source", onchange: showKept },
-    ...Object.entries(offer.sources).map(([key, text]) => el("option", { value: key }, say(text))));
-  source.value = remembered("source", Object.keys(offer.sources)[0]);
-  if (!source.value) source.selectedIndex = 0;
+  const source = choice("source", Object.entries(offer.sources).map(([key, text]) => [key, say(text)]), remembered("source", ""));
+  source.addEventListener("change", showKept);
   const start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.running ? stop("") : begin()) }, say("Start"));
   const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
   const kept = el("p", { id: "kept" }), beat = el("div", { class: "count", "aria-hidden": "true" });
@@ -33,7 +32,7 @@ export async function calibrate(main) {
     el("p", {}, el("a", { href: "#/" }, say("To the dances"))),
   );
   const learner = new LearnerView(canvas);
-  const live = liveFor({ preparing, ready, frame, drawn() {}, verdict() {}, away, back: () => stop(say("the camera was away; start again")), done,
+  const live = liveFor({ preparing, ready, frame, away, back: () => stop(say("the camera was away; start again")), done,
     error: ({ text }) => stop(say(text)), lost: () => state.running && stop(say("the teacher's program does not answer; is it still running?")) });
   showKept();
   requestAnimationFrame(animate);

@@ -2,8 +2,8 @@
 
 import contextlib
 import json
-import sys
 import time
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,21 +31,8 @@ SHORTER = 20
 
 
 @pytest.fixture
-def check(monkeypatch, capsys):
-    def program(*words: object) -> str:
-        monkeypatch.setattr(sys, "argv", ["kpopnet check", *map(str, words)])
-        kpopnet.programs.check.main()
-        return capsys.readouterr().out
-
-    return program
-
-
-def fails(check, capsys, *words: object) -> str:
-    with pytest.raises(SystemExit) as ended:
-        check(*words)
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
-    assert ended.value.code == 1 and len(lines) == 1
-    return lines[0]
+def check(program):
+    return partial(program, "check")
 
 
 @pytest.fixture(scope="module")
@@ -100,19 +87,19 @@ def test_without_truth_whoever_stands_before_the_empty_room_is_in_view(check, ch
     assert 15 < float(unknown["time for which the room was empty"].split()[0]) < 18
 
 
-def test_recordings_that_cannot_be_checked_are_one_line(check, cheap, capsys, film, tmp_path):
+def test_recordings_that_cannot_be_checked_are_one_line(check, cheap, film, tmp_path):
     short = write_npz(tmp_path / "short.npz", depth_mm(90), fps=30)
-    assert "short.npz: 90 images of 3.0 s; the script takes 60 s" in fails(check, capsys, short, "--as-fast")
+    assert "short.npz: 90 images of 3.0 s; the script takes 60 s" in check(short, "--as-fast", fails=True)
     write_simulated(tmp_path / "set", "check_sim", {"check_00": film})
     damaged = tmp_path / "set" / "check_00.h5"
     content = damaged.read_bytes()
     damaged.write_bytes(content[: len(content) // 2])
-    assert "check_00.h5: not a readable HDF5 file" in fails(check, capsys, tmp_path / "set")
+    assert "check_00.h5: not a readable HDF5 file" in check(tmp_path / "set", fails=True)
     write_simulated(tmp_path / "other", "rooms", {"room_000": film})
-    assert "holds rooms, not check_sim" in fails(check, capsys, tmp_path / "other")
-    assert "--empty for live cameras" in fails(check, capsys, short, "--empty", 10)
-    assert "--as-fast is for recordings" in fails(check, capsys, "realsense", "--as-fast")
-    assert "--depth-scale: a live camera states its own" in fails(check, capsys, "realsense", "--depth-scale", 5000)
+    assert "holds rooms, not check_sim" in check(tmp_path / "other", fails=True)
+    assert "--empty for live cameras" in check(short, "--empty", 10, fails=True)
+    assert "--as-fast is for recordings" in check("realsense", "--as-fast", fails=True)
+    assert "--depth-scale: a live camera states its own" in check("realsense", "--depth-scale", 5000, fails=True)
 
 
 @pytest.fixture
@@ -198,13 +185,13 @@ def test_a_person_before_a_live_camera_is_told_what_to_do(check, shorter, monkey
     assert "SIMULATED" not in printed
 
 
-def test_a_camera_that_fails_is_one_line(check, capsys, shorter, monkeypatch):
+def test_a_camera_that_fails_is_one_line(check, shorter, monkeypatch):
     class Failing(Live):
         def read(self):
             raise OSError("the cable is broken")
 
     monkeypatch.setattr("kpopnet.programs.check.open_live", Failing)
-    assert "the camera stopped: the cable is broken" in fails(check, capsys, "realsense")
+    assert "the camera stopped: the cable is broken" in check("realsense", fails=True)
 
 
 def test_a_camera_that_was_away_while_the_room_was_empty_is_one_line():

@@ -1,6 +1,6 @@
 """The command that makes dance sets from recorded motion."""
 
-import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from recorded_points import FRAMES, coco, imperial
 from scipy.spatial.transform import Rotation
 
 from kpopnet.datasets.dances.dance_set import KpopSet
-from kpopnet.programs.convert import main, read_imperial
+from kpopnet.programs.convert import read_imperial
 from kpopnet.skeleton import Joint
 from synth.motion.skeleton import INDEX, LEG_M, NUM_JOINTS, Motion
 
@@ -23,11 +23,11 @@ def write_arm(path: Path, frames: int, left_arm_deg: float) -> None:
     write_bvh(path, Motion(quats, np.tile([0.0, 1, 0], (frames, 1)), 30.0, path.stem, LEG_M))
 
 
-def test_bvh_files_become_a_dance(tmp_path, monkeypatch):
+def test_bvh_files_become_a_dance(tmp_path, program):
     for name, degrees in (("teacher", 80.0), ("ann", 80.0), ("bob", 20.0)):
         write_arm(tmp_path / f"{name}.bvh", 20, degrees)
     files = ("--teacher", tmp_path / "teacher.bvh", "--learners", tmp_path / "ann.bvh", tmp_path / "bob.bvh")
-    convert(monkeypatch, "recordings", tmp_path / "out", "--dance", "t", *files)
+    program("convert", "recordings", tmp_path / "out", "--dance", "t", *files)
     dance = KpopSet(tmp_path / "out").dance("t")
     teacher, (ann, bob) = dance.teacher(), (learner.joints() for learner in dance.learners)
     assert teacher.times_s[-1] == pytest.approx(18 / 30, abs=1e-3)  # the T-pose before the recording is left out
@@ -38,34 +38,23 @@ def test_bvh_files_become_a_dance(tmp_path, monkeypatch):
     np.testing.assert_allclose(bob.joints_m[:, Joint.RIGHT_HAND], ann.joints_m[:, Joint.RIGHT_HAND], atol=1e-3)
 
 
-def convert(monkeypatch, *arguments: object) -> None:
-    """The program, which reads the files in this process."""
-    monkeypatch.setattr("kpopnet.dance.joint_files.reader.read_in_child", lambda reader, *given: reader(*given))
-    monkeypatch.setattr(sys, "argv", ["convert", *map(str, arguments)])
-    main()
-
-
-def test_keypoints_become_a_dance(tmp_path, monkeypatch, capsys):
+def test_keypoints_become_a_dance(tmp_path, program):
     for name in ("teacher", "best", "worst"):
         np.savez(tmp_path / f"{name}.npz", keypoints3d=coco(unit_m=0.01), fps=60)
     files = ("--teacher", tmp_path / "teacher.npz", "--learners", tmp_path / "best.npz", tmp_path / "worst.npz")
-    convert(monkeypatch, "recordings", tmp_path / "out", "--dance", "gBR", *files)
-    assert "best first: best, worst" in capsys.readouterr().out
+    assert "best first: best, worst" in program("convert", "recordings", tmp_path / "out", "--dance", "gBR", *files)
     dance = KpopSet(tmp_path / "out").dance("gBR")
     assert [learner.name for learner in dance.learners] == ["best", "worst"]
     assert dance.teacher().times_s[-1] == pytest.approx((FRAMES - 1) / 60)
     np.testing.assert_allclose(dance.learners[1].joints().joints_m, dance.teacher().joints_m, atol=1e-6)
-    with pytest.raises(SystemExit):
-        convert(monkeypatch, "recordings", tmp_path / "out", "--dance", "x", *files[:-1])
-    assert "at least two files" in capsys.readouterr().err
+    again = partial(program, "convert", "recordings", tmp_path / "out", *files[:-1], fails=True)
+    assert "at least two files" in again("--dance", "x")
     np.savez(tmp_path / "other.npz", keypoints3d=coco(unit_m=0.01), fps=60)
     for name, told in (("gBR", "gBR: holds worst of an earlier conversion"), ("a/b", "--dance a/b: expected a name")):
-        with pytest.raises(SystemExit):
-            convert(monkeypatch, "recordings", tmp_path / "out", "--dance", name, *files[:-1], tmp_path / "other.npz")
-        assert told in capsys.readouterr().err
+        assert told in again(tmp_path / "other.npz", "--dance", name)
 
 
-def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, monkeypatch, capsys):
+def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, program):
     source = tmp_path / "imperial"
     source.mkdir()
     takes = np.stack([imperial(unit_m=0.001), imperial(unit_m=0.001, heading_rad=1.0)]).transpose(0, 3, 1, 2)
@@ -73,7 +62,7 @@ def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, monkeypatch
         np.save(source / f"dance_level_{level}_k_ch0.npy", takes)
     np.save(source / "dance_level_e_b_ch1.npy", takes)
     assert read_imperial(source / "dance_level_e_k_ch0.npy").shape == (2, FRAMES, 21, 3)
-    convert(monkeypatch, "imperial", source, tmp_path / "out")
+    program("convert", "imperial", source, tmp_path / "out")
     dances = KpopSet(tmp_path / "out")
     assert dances.names == ["k_ch0"]  # the other choreography has no intermediate dancer and no beginner
     dance = dances.dance("k_ch0")
@@ -81,6 +70,4 @@ def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, monkeypatch
     np.testing.assert_allclose(dance.learners[0].joints().joints_m, dance.teacher().joints_m, atol=1e-4)
     for wrong, told in ((takes[0], "expected (takes, 3, frames, 21)"), (takes[:1], "two experts are needed")):
         np.save(source / "dance_level_e_k_ch0.npy", wrong)
-        with pytest.raises(SystemExit):
-            convert(monkeypatch, "imperial", source, tmp_path / "other")
-        assert told in capsys.readouterr().err
+        assert told in program("convert", "imperial", source, tmp_path / "other", fails=True)

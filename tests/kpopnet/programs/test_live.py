@@ -9,22 +9,11 @@ import pytest
 from live_people import FRAMES, write_recording
 from programs import ROOT
 
-from kpopnet.programs import live
 
-
-@pytest.fixture
-def run(monkeypatch, tmp_path):
-    def main(*words: object) -> None:
-        monkeypatch.setattr("sys.argv", ["kpopnet live", *map(str, words), "--data", str(tmp_path / "kept")])
-        live.main()
-
-    return main
-
-
-def test_a_recording_is_streamed_to_its_end_without_a_page(run, tmp_path, capfd):
+def test_a_recording_is_streamed_to_its_end_without_a_page(program, tmp_path):
     write_recording(tmp_path)
-    run(tmp_path / "two.npz", "--no-page", "--stream", "json")
-    images = [json.loads(line) for line in capfd.readouterr().out.splitlines()]
+    printed = program("live", tmp_path / "two.npz", "--no-page", "--stream", "json", "--data", tmp_path / "kept")
+    images = [json.loads(line) for line in printed.splitlines()]
     assert 2 <= len(images) <= FRAMES and [one["image"] for one in images] == list(range(len(images)))
     assert (np.diff([one["time_s"] for one in images]) > 0).all() and images[0]["time_s"] == 0
     both = [one for one in images if len(one["people"]) == 2]
@@ -56,26 +45,19 @@ def test_a_reader_that_ends_ends_the_stream_in_silence(tmp_path):
         (("nothing.npz", "--port", "-1"), "--port -1"),
     ],
 )
-def test_a_mistake_is_one_line(run, capsys, words, told):
-    with pytest.raises(SystemExit) as ended:
-        run(*words)
-    error = capsys.readouterr().err
-    assert ended.value.code == 1 and error.startswith("error: ") and told in error and error.count("\n") == 1
+def test_a_mistake_is_one_line(program, words, told):
+    assert told in program("live", *words, fails=True)
 
 
-def test_a_page_needs_its_server_library_and_a_stream_alone_does_not(run, capsys, monkeypatch, tmp_path):
+def test_a_page_needs_its_server_library_and_a_stream_alone_does_not(program, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "aiohttp", None)
-    with pytest.raises(SystemExit):
-        run(tmp_path)
-    assert "[app]'" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        run(tmp_path / "nothing.npz", "--no-page", "--stream", "osc")
-    assert "no such recording" in capsys.readouterr().err
+    assert "[app]'" in program("live", tmp_path, fails=True)
+    assert "no such recording" in program("live", tmp_path / "nothing.npz", "--no-page", "--stream", "osc", fails=True)
 
 
-def test_the_server_ends_later_than_what_it_saves(run, monkeypatch):
+def test_the_server_ends_later_than_what_it_saves(program, monkeypatch):
     hosting, server = (pytest.importorskip(f"kpopnet.{name}") for name in ("teacher.hosting", "live.server"))
     named = {}
     monkeypatch.setattr(hosting, "host", lambda *given, **others: named.update(others))
-    run("tcp:127.0.0.1:9000")
+    program("live", "tcp:127.0.0.1:9000")
     assert named["end_s"] > server.SAVE_S

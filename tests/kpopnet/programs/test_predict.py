@@ -1,7 +1,7 @@
 """The program `kpopnet predict`: a recording in; joints, pictures and a page out."""
 
 import json
-import sys
+from functools import partial
 
 import cv2
 import numpy as np
@@ -9,7 +9,6 @@ import pytest
 from extraction_scenes import CAMERA, compose, room, shifted, standing
 from PIL import Image
 
-import kpopnet.programs.predict
 from kpopnet.camera import CAMERAS
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
@@ -39,21 +38,8 @@ def checkpoint(tmp_path_factory):
 
 
 @pytest.fixture
-def predict(checkpoint, monkeypatch, capsys, tmp_path):
-    def program(*words: object, fails: bool = False) -> str:
-        given = [*map(str, words), "--checkpoint", str(checkpoint), "--out", str(tmp_path / "out")]
-        monkeypatch.setattr(sys, "argv", ["kpopnet predict", *given])
-        if fails:
-            with pytest.raises(SystemExit) as ended:
-                kpopnet.programs.predict.main()
-            assert ended.value.code == 1
-            error = capsys.readouterr().err.splitlines()[-1]
-            assert error.startswith("error: ")
-            return error
-        kpopnet.programs.predict.main()
-        return capsys.readouterr().out
-
-    return program
+def predict(program, checkpoint, tmp_path):
+    return partial(program, "predict", "--checkpoint", checkpoint, "--out", tmp_path / "out")
 
 
 def test_joints_in_every_format_pictures_and_a_page(predict, tmp_path):

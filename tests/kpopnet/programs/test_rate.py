@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import urllib.request
+from functools import partial
 
 import numpy as np
 import pytest
@@ -29,24 +30,18 @@ def made(tmp_path_factory):
 
 
 @pytest.fixture
-def run(monkeypatch, capsys):
-    def program(*words: object) -> str:
-        monkeypatch.setattr(sys, "argv", ["kpopnet rate", *map(str, words)])
-        kpopnet.programs.rate.main()
-        return capsys.readouterr().out
-
-    return program
+def run(program):
+    return partial(program, "rate")
 
 
 def by_skill(pair) -> bool:
     return SKILLS[pair.left] < SKILLS[pair.right]
 
 
-def test_the_report_and_the_ranks(made, run, tmp_path, monkeypatch, capsys):
+def test_the_report_and_the_ranks(made, run, tmp_path, monkeypatch):
     monkeypatch.setattr(kpopnet.programs.rate, "available_cores", lambda: 1)
-    with pytest.raises(SystemExit):
-        run(made, "--report")
-    assert "no ratings yet" in capsys.readouterr().err
+    assert "no ratings yet" in run(made, "--report", fails=True)
+    assert "--port -1: expected" in run(made, "--port", -1, fails=True)
     for rater in ("eve", "fay"):
         write_ratings(ratings_path(made, rater), answered(DANCES, rater, by_skill))
     by_side = answered(DANCES, "gil", lambda pair: pair.dance == "dance_0" or by_skill(pair))

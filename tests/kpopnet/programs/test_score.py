@@ -3,15 +3,14 @@
 import base64
 import json
 import re
-import sys
 from dataclasses import asdict
+from functools import partial
 
 import numpy as np
 import pytest
 from dance_people import dance_joints_m
 from teacher_page import english
 
-import kpopnet.programs.score
 from kpopnet.dance.diagnosis import corrected
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
@@ -21,16 +20,8 @@ from kpopnet.skeleton import JOINT_NAMES, Joint
 
 
 @pytest.fixture
-def run(monkeypatch, capsys):
-    """The program, which reads the files in this process: `joint_files/test_reader.py` is about the other one."""
-    monkeypatch.setattr("kpopnet.dance.joint_files.reader.read_in_child", lambda reader, *given: reader(*given))
-
-    def program(*words: object) -> str:
-        monkeypatch.setattr(sys, "argv", ["kpopnet score", *map(str, words)])
-        kpopnet.programs.score.main()
-        return capsys.readouterr().out
-
-    return program
+def run(program):
+    return partial(program, "score")
 
 
 @pytest.fixture
@@ -122,32 +113,28 @@ def test_score_and_page_are_in_the_language_that_is_asked_for(files, run, tmp_pa
     assert json.loads((tmp_path / "out" / "score.json").read_text())["feedback"]["faults"][0]["text"].startswith("left elbow")
 
 
-def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_uncertainty(files, run, tmp_path, capsys):
+def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_uncertainty(files, run, tmp_path):
     words = (*files[:2], "--out", tmp_path / "out")
     assert "0:00 to 0:06," in run(*words, "--bpm", 80) and "±" not in run(*words)
     told = run(*words, "--noise", "realtime")
     uncertain = re.search(r"^similarity \d+ ± (\d+), ", told, re.MULTILINE)[1]
     score = json.loads((tmp_path / "out" / "score.json").read_text())["score"]
     assert round(score["uncertainty"]) == int(uncertain) > 0 and f"± {uncertain}: on true joints" in told
-    with pytest.raises(SystemExit):
-        run(*words, "--bpm", 0)
-    assert "--bpm 0: expected 20 to 400" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        run(*words, "--scorer", "paper", "--noise", "tracker")
-    assert "--noise tracker: scorer paper knows no noise; dance22 does" in capsys.readouterr().err
+    assert "--bpm 0: expected 20 to 400" in run(*words, "--bpm", 0, fails=True)
+    refused = run(*words, "--scorer", "paper", "--noise", "tracker", fails=True)
+    assert "--noise tracker: scorer paper knows no noise; dance22 does" in refused
 
 
 def test_frame_rates_of_files_without_them(files, run, tmp_path):
     teacher, _, joints_m, _ = files
     np.savez(tmp_path / "bare.npz", joints_m=joints_m[::2])
     words = (teacher, tmp_path / "bare.npz", "--out", tmp_path / "out")
-    with pytest.raises(SystemExit):
-        run(*words)
+    run(*words, fails=True)
     assert int(re.search(r"similarity (\d+)", run(*words, "--learner-fps", 15))[1]) >= 85
     assert "with the learner's times multiplied by 1.67" in run(*words, "--learner-fps", 25)
 
 
-def test_other_formats_and_missing_joints_are_told(files, run, tmp_path, capsys):
+def test_other_formats_and_missing_joints_are_told(files, run, tmp_path):
     teacher, learner, joints_m, _ = files
     named = [dict(zip(JOINT_NAMES, pose.tolist(), strict=True)) for pose in joints_m]
     frames = [{"time_s": k / 30, "joints": joints} for k, joints in enumerate(named)]
@@ -159,12 +146,11 @@ def test_other_formats_and_missing_joints_are_told(files, run, tmp_path, capsys)
     np.savez(tmp_path / "headless.npz", joints_m=headless_m, fps=30)
     words = (tmp_path / "headless.npz", learner, "--out", tmp_path / "out")
     assert "similarity" in run(*words)
-    with pytest.raises(SystemExit):
-        run(*words, "--scorer", "raptis")
-    assert "headless.npz: neck missing in every frame; scorer raptis needs it" in capsys.readouterr().err
+    refused = run(*words, "--scorer", "raptis", fails=True)
+    assert "headless.npz: neck missing in every frame; scorer raptis needs it" in refused
 
 
-def test_windows_without_joints_are_null_in_the_json_and_a_dance_of_only_such_is_refused(files, run, tmp_path, capsys):
+def test_windows_without_joints_are_null_in_the_json_and_a_dance_of_only_such_is_refused(files, run, tmp_path):
     teacher, _, joints_m, _ = files
     for name, known in (("half", 180), ("rare", 4)):
         seen_m = np.full_like(joints_m, np.nan)
@@ -173,12 +159,11 @@ def test_windows_without_joints_are_null_in_the_json_and_a_dance_of_only_such_is
     run(teacher, tmp_path / "half.npz", "--out", tmp_path / "out")
     windows = json.loads((tmp_path / "out" / "score.json").read_text())["score"]["windows"]
     assert windows["similarity"][0] > 90 and windows["similarity"][-1] == 0 and windows["delay_s"][-1] is None
-    with pytest.raises(SystemExit):
-        run(teacher, tmp_path / "rare.npz", "--out", tmp_path / "out")
-    assert "rare.npz: in no window of 2 s are enough joints known" in capsys.readouterr().err
+    refused = run(teacher, tmp_path / "rare.npz", "--out", tmp_path / "out", fails=True)
+    assert "rare.npz: in no window of 2 s are enough joints known" in refused
 
 
-def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path, capsys):
+def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path):
     words = (*files[:2], "--out", tmp_path / "out")
     assert "free parts" not in run(*words)
     told = run(*words, "--free", 4, 9, "--weights", "posture=1", "place=1")
@@ -194,6 +179,4 @@ def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path,
         ("--free", 0, 1000): "the whole dance is free",
     }
     for mistake, told in mistakes.items():
-        with pytest.raises(SystemExit):
-            run(*words, *mistake)
-        assert told in capsys.readouterr().err.splitlines()[-1]
+        assert told in run(*words, *mistake, fails=True)

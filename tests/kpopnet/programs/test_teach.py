@@ -30,45 +30,40 @@ from synth.dances.live import LiveLearner
 
 
 @pytest.fixture
-def run(monkeypatch, tmp_path):
+def run(program, monkeypatch, tmp_path):
     """Runs the program with a library of one dance."""
     monkeypatch.setattr(taught, "DANCES", 1)
-
-    def main(*words: object) -> None:
-        monkeypatch.setattr("sys.argv", ["kpopnet teach", *map(str, words), "--data", str(tmp_path / "teach")])
-        teach.main()
-
-    return main
+    return lambda *words, **given: program("teach", *words, "--data", tmp_path / "teach", **given)
 
 
-def test_a_dance_of_ones_own_is_added(run, tmp_path, capsys):
+def test_a_dance_of_ones_own_is_added(run, tmp_path):
     library = teach.made_library(tmp_path / "teach")
     assert library.identities() == ["dance_000"]
     made = library.path("dance_000").stat().st_mtime_ns
     performance = library.dance("dance_000").performance
     np.savez(tmp_path / "mama.npz", joints_m=performance.joints_m.astype(np.float32), times_s=performance.times_s)
-    run("add", tmp_path / "mama.npz", "--bpm", 128, "--free", 2, 4.5, "--weights", "similarity=3", "place=1")
+    words = ("--bpm", 128, "--free", 2, 4.5, "--weights", "similarity=3", "place=1")
+    assert "added mama as own_001" in run("add", tmp_path / "mama.npz", *words)
     np.save(tmp_path / "array.npy", performance.joints_m)
     (tmp_path / "map.json").write_text(json.dumps({joint.name.lower(): int(joint) for joint in Joint if joint != Joint.TORSO}))
     run("add", tmp_path / "array.npy", "--fps", 30, "--joint-map", tmp_path / "map.json")
     assert library.about("own_002").name == "array"
-    assert "added mama as own_001" in capsys.readouterr().out
     assert library.about("own_001").name == "mama" and library.about("own_001").bpm == 128
     assert library.about("own_001").free_s == [[2, 4.5]] and library.about("own_001").weights == {"similarity": 3, "place": 1}
     assert library.path("dance_000").stat().st_mtime_ns == made  # what is there is not made again
 
 
-def test_a_group_is_added_from_a_file_for_each_dancer(run, tmp_path, capsys):
+def test_a_group_is_added_from_a_file_for_each_dancer(run, tmp_path):
     library = teach.made_library(tmp_path / "teach")
     performance = library.dance("dance_000").performance
     for name, left_m, late in (("ann", 0.0, 0), ("bea", 1.5, 60)):  # bea is seen two seconds later
         joints_m = (performance.joints_m + np.array([left_m, 0, 0])).astype(np.float32)
         np.savez(tmp_path / f"{name}.npz", joints_m=joints_m[late:], times_s=performance.times_s[late:])
-    run("add", tmp_path / "ann.npz", tmp_path / "bea.npz", "--title", "Duet", "--from", 2)
+    told = run("add", tmp_path / "ann.npz", tmp_path / "bea.npz", "--title", "Duet", "--from", 2)
+    assert "added Duet as own_001" in told
     first, second = library.dance("own_001").dancers
     np.testing.assert_allclose(first.joints_m - second.joints_m, np.full_like(first.joints_m, [1.5, 0, 0]), atol=1e-4)
     np.testing.assert_allclose(second.joints_m[0], performance.joints_m[120], atol=1e-4)
-    assert "added Duet as own_001" in capsys.readouterr().out
 
 
 @pytest.fixture
@@ -77,20 +72,17 @@ def danced(run, tmp_path):
     return teach.made_library(tmp_path / "teach").dance("dance_000")
 
 
-def test_a_folder_of_dances_is_added(run, tmp_path, danced, capsys):
+def test_a_folder_of_dances_is_added(run, tmp_path, danced):
     performance = danced.performance
     for name in ("alpha", "beta"):
         write_dance(tmp_path / "set", name, performance, {"best": performance, "worst": performance})
-    run("add", tmp_path / "set", "--title", "not for two", "--from", 1, "--to", 8.5)
-    told = capsys.readouterr().out
+    told = run("add", tmp_path / "set", "--title", "not for two", "--from", 1, "--to", 8.5)
     library = teach.made_library(tmp_path / "teach")
     assert "added alpha as own_001" in told and "added beta as own_002" in told
     assert library.about("own_002").seconds == pytest.approx(7.5, abs=0.05)
-    with pytest.raises(SystemExit):
-        run("add", tmp_path / "set", "--fps", 25)
-    assert "--fps: for recordings" in capsys.readouterr().err
-    run("add", tmp_path / "set" / "beta", "--title", "Beta")
-    assert library.about("own_003").name == "Beta" and "own_003" in capsys.readouterr().out
+    assert "--fps: for recordings" in run("add", tmp_path / "set", "--fps", 25, fails=True)
+    told = run("add", tmp_path / "set" / "beta", "--title", "Beta")
+    assert library.about("own_003").name == "Beta" and "own_003" in told
     np.testing.assert_allclose(library.dance("own_003").joints_m, danced.joints_m[:-1], atol=1e-4)
 
 
@@ -122,25 +114,21 @@ MISTAKES = {
     ("--fps", "25", "--no-browser"): "--fps: for the recording of --depth",
     ("--depth", "missing.npz", "--no-browser"): "missing.npz: no such file",
     ("--checkpoint", "missing", "--no-browser"): "missing",
+    ("--port", "70000", "--no-browser"): "--port 70000: expected 1 to 65535, or 0 for one that is free",
     ("--live", "kinect", "--no-browser"): "--live: no live camera kinect; there are realsense, oak, -, tcp:127.0.0.1:PORT",
     ("--live", "tcp:10.0.0.1:5005", "--no-browser"): "a port of this machine",
 }
 
 
-def test_a_mistake_is_one_line_before_dances_are_made(run, capsys, tmp_path):
+def test_a_mistake_is_one_line_before_dances_are_made(run, tmp_path):
     for words, told in MISTAKES.items():
-        with pytest.raises(SystemExit) as ended:
-            run(*words)
-        error = capsys.readouterr().err.splitlines()[-1]
-        assert ended.value.code == 1 and error.startswith("error: ") and told in error, words
+        assert told in run(*words, fails=True), words
     assert not (tmp_path / "teach").exists()
 
 
-def test_without_its_server_library_it_says_what_to_install(run, capsys, monkeypatch):
+def test_without_its_server_library_it_says_what_to_install(run, monkeypatch):
     monkeypatch.setitem(sys.modules, "aiohttp", None)
-    with pytest.raises(SystemExit):
-        run()
-    assert "[app]'" in capsys.readouterr().err
+    assert "[app]'" in run(fails=True)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import BONES, Joint
-from kpopnet.teacher.adding import add_performance, holds_depth, kpop_teachers, part_of
+from kpopnet.teacher.adding import add_group, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import DANCES, TRIES, Library, difficulty, moves_cm, preview_cm
 from kpopnet.teacher.posing import TO_WORLD, as_bvh, at_rate, posed
 from synth.body.teacher import teacher_person
@@ -130,7 +130,7 @@ def test_bvh_is_read_back_and_becomes_a_dance_of_ones_own(library, tmp_path):
     again = read_performance(path)
     assert len(again) == len(dance.joints_m)
     assert score_dance(dance.performance, again).similarity > 85  # its joints lie a little elsewhere in the body
-    assert [add_performance(mine, again, "dance.bvh", "Mine", 90.0) for _ in range(2)] == ["own_001", "own_002"]
+    assert [add_group(mine, [again], "dance.bvh", "Mine", 90.0) for _ in range(2)] == ["own_001", "own_002"]
     added = mine.dance("own_001")
     assert added.about.own and added.about.bpm == 90.0
     assert score_dance(dance.performance, added.performance).similarity > 85

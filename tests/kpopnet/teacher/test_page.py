@@ -19,6 +19,7 @@ from teacher_page import BROWSER, DRIVER, NARROW, chromium, resize, served
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
+from kpopnet.pose import PersonPose
 from kpopnet.sources.live import Image
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.score import DanceTry
@@ -334,7 +335,8 @@ def test_a_film_is_followed_cancelled_and_made(teaching, address, browser):
     one, begun = DanceTry(Lesson("dance_001", to_s=3.0), dance, "none"), time.monotonic()
     clock.start(0.0)
     for frame in range(95):
-        one.score(clock, Image(np.zeros((2, 2), np.float32), begun + frame / dance.fps), dance.joints_m[frame], np.ones(15))
+        image = Image(np.zeros((2, 2), np.float32), begun + frame / dance.fps)
+        one.score(clock, image, PersonPose(1, dance.joints_m[frame], np.ones(15)))
     result, arrays = one.finish(0)
     long, short = (teaching.tries.save(result | {"to_s": to_s, "speed": 0.25}, arrays) for to_s in (20.0, 0.5))
     browser.get(f"{address}#/dance/dance_001/try/{long}")

@@ -8,6 +8,7 @@ import pytest
 from kpopnet.camera import CAMERAS
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS
+from kpopnet.pose import PersonPose
 from kpopnet.skeleton import Joint
 from kpopnet.sources.live import Image
 from kpopnet.teacher.library import MOVE_COUNTS
@@ -16,6 +17,10 @@ from kpopnet.teacher.live.score import LEAST_S, WAIT_S, Calibration, DanceTry, e
 from synth.dances.live import ON_THE_BEAT, LiveLearner
 
 CAMERA, DEPTH_M = CAMERAS["kinect_v1"], np.zeros((240, 320), np.float32)
+
+
+def seen(joints_m: np.ndarray) -> PersonPose:
+    return PersonPose(1, joints_m, np.ones(15))
 
 
 class AtOnce(DanceClock):
@@ -36,7 +41,7 @@ def danced(dance, fps: float, lesson: Lesson, late_s: float = 0.0, seconds: floa
     one, clock = DanceTry(lesson, dance, "none"), AtOnce(lesson.speed)
     for taken in np.arange(0.0, seconds / lesson.speed, 1 / fps):
         frame = round(max(clock.dance_s(taken - late_s), 0.0) * dance.fps)
-        one.score(clock, Image(DEPTH_M, float(taken)), dance.joints_m[frame], np.ones(15))
+        one.score(clock, Image(DEPTH_M, float(taken)), seen(dance.joints_m[frame]))
     result, recorded = one.finish(0)
     assert len(recorded["times_s"]) == result["notes"]["frames"]
     return result
@@ -65,14 +70,14 @@ def test_a_constant_delay_is_measured_and_taken_off(dance, speed, late_s):
 
 def test_no_person_has_no_score_and_a_long_gap_stays_one(dance):
     one = DanceTry(Lesson("dance_001", to_s=8.0), dance, "none")
-    shown = one.shown(AtOnce(), Image(DEPTH_M, 1.0), None, None, CAMERA)
+    shown = one.shown(AtOnce(), Image(DEPTH_M, 1.0), None, CAMERA)
     assert shown["guidance"] == "no person seen" and shown["joints"] is None
     result, recorded = one.finish(0)
     assert result["total"] is None and "no person" in result["hints"][0] and recorded["joints_m"].shape == (0, 15, 3)
     clock = AtOnce()
     for taken in np.arange(0, 8, 1 / 15):
-        seen = (dance.joints_m[round(taken * 30)], np.ones(15)) if taken < 3 or taken > 6 else (None, None)
-        one.score(clock, Image(DEPTH_M, float(taken)), *seen)
+        person = seen(dance.joints_m[round(taken * 30)]) if taken < 3 or taken > 6 else None
+        one.score(clock, Image(DEPTH_M, float(taken)), person)
     result, _ = one.finish(0)
     assert any("no person in the picture" in hint for hint in result["hints"]) and result["total"] < 85
     assert not any("images a second" in hint for hint in result["hints"])  # it is not the machine's fault
@@ -81,7 +86,7 @@ def test_no_person_has_no_score_and_a_long_gap_stays_one(dance):
 def test_missing_joints_are_shown_as_missing(dance):
     one, joints_m = DanceTry(Lesson("dance_001"), dance, "none"), dance.joints_m[0].copy()
     joints_m[3] = np.nan
-    shown = one.shown(AtOnce(), Image(DEPTH_M, 0.0), joints_m, np.ones(15), CAMERA)
+    shown = one.shown(AtOnce(), Image(DEPTH_M, 0.0), seen(joints_m), CAMERA)
     assert shown["joints"][3][:3] == [None, None, None] and 0 < shown["joints"][8][0] < 1
 
 
@@ -95,7 +100,7 @@ def verdicts(dance, learner: Performance, seconds: float = 6.5) -> list[tuple[fl
     """The verdicts on what a learner danced, with the time of the newest image at each."""
     one, clock, found = DanceTry(Lesson("dance_001", to_s=seconds), dance, "none"), AtOnce(), []
     for joints_m, time_s in zip(learner.joints_m, learner.times_s.tolist(), strict=True):
-        one.score(clock, Image(DEPTH_M, time_s), joints_m, np.ones(15))
+        one.score(clock, Image(DEPTH_M, time_s), seen(joints_m))
         if verdict := one.next_verdict(clock):
             found.append((time_s, verdict))
             assert one.next_verdict(clock) is None
@@ -130,8 +135,8 @@ def test_the_reason_is_the_limb_that_hangs_and_only_while_it_hangs_or_the_latene
 
 def test_after_a_gap_the_next_move_is_scored_and_those_in_it_are_not(dance):
     whole, each_s = excerpt(dance.performance, 0.0, 8.4), move_s(dance)
-    seen = (whole.times_s < 0.9 * each_s) | (whole.times_s > 2.2 * each_s)
-    found = [one for _, one in verdicts(dance, Performance(whole.joints_m[seen], whole.times_s[seen]), 8.0)]
+    known = (whole.times_s < 0.9 * each_s) | (whole.times_s > 2.2 * each_s)
+    found = [one for _, one in verdicts(dance, Performance(whole.joints_m[known], whole.times_s[known]), 8.0)]
     numbers = [one["number"] for one in found]
     assert numbers == sorted(set(numbers)) and numbers[-1] == int(8.01 / each_s)
     assert found[-1]["total"] == pytest.approx(100, abs=1)
@@ -168,9 +173,9 @@ def measured(dance, joints_at) -> dict:
     step.compile()
     for taken in np.arange(0, 12, 1 / 15):
         joints_m, image = joints_at(float(taken)), Image(DEPTH_M, float(taken))
-        confidence = None if joints_m is None else np.ones(15)
-        step.score(clock, image, joints_m, confidence)
-        assert step.shown(clock, image, joints_m, confidence, CAMERA)["total"] is None and step.next_verdict(clock) is None
+        person = None if joints_m is None else seen(joints_m)
+        step.score(clock, image, person)
+        assert step.shown(clock, image, person, CAMERA)["total"] is None and step.next_verdict(clock) is None
     result, _ = step.finish(0)
     assert result["total"] is None  # it is no try of the dance
     return result

@@ -11,8 +11,9 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.dance.words.moments import Moment
 from kpopnet.errors import InputError
+from kpopnet.pose import PersonPose
 from kpopnet.skeleton import Joint
-from kpopnet.teacher.live.lesson import DanceClock, Lesson
+from kpopnet.teacher.live.lesson import Lesson
 from kpopnet.teacher.live.score import excerpt
 from kpopnet.teacher.live.words import in_words, latest_words, try_result, where_to_stand
 
@@ -32,7 +33,6 @@ def standing(z_m: float, x_m: float = 0.0) -> np.ndarray:
     ("joints_m", "confidence", "told"),
     [
         (standing(2.5), SURE, ""),
-        (None, None, "no person seen"),
         (np.full((15, 3), np.nan), 0 * SURE, "no person seen"),
         (standing(1.7), SURE, "step back"),
         (standing(5.0), SURE, "come closer"),
@@ -43,7 +43,7 @@ def standing(z_m: float, x_m: float = 0.0) -> np.ndarray:
     ],
 )
 def test_where_to_stand(joints_m, confidence, told):
-    assert where_to_stand(joints_m, confidence, CAMERA) == told
+    assert where_to_stand(PersonPose(1, joints_m, confidence), CAMERA) == told
 
 
 @pytest.mark.parametrize(
@@ -88,13 +88,3 @@ def test_an_excerpt_is_long_enough_to_be_scored():
     assert Lesson("d", from_s=2.0, to_s=99.0).excerpt_s(20.0) == (2.0, 20.0)
     with pytest.raises(InputError, match="choose at least"):
         Lesson("d", from_s=18.0).excerpt_s(20.0)
-
-
-def test_the_clock_runs_at_the_dances_speed():
-    clock = DanceClock(4.0, 0.5)
-    assert clock.dance_s(123.0) == 4.0 and not clock.running
-    clock.start(0.0)
-    begin = clock.dance_s(0.0)
-    assert clock.dance_s(10.0) - begin == pytest.approx(5.0) and clock.running
-    clock.stop()
-    assert clock.dance_s(9.0) == 4.0
