@@ -1,4 +1,4 @@
-"""Measures what an estimator's errors do to scores of training dances, for the table `kpopnet.dance.parts.NOISE`.
+"""Measures what an estimator's errors do to scores of training dances, for the table `kpopnet.dance.noise.table.NOISE`.
 
     python tools/graded_learners.py data/graded/train --dances 12
     python tools/measure_noise.py data/graded/train data/graded/train_clips --estimator realtime --write
@@ -20,15 +20,17 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, minimize
 from tqdm import tqdm
 
 from kpopnet.dance.dtw import PathDistances, distances_on_path
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.parts import CERTAIN, CONTEXT_FRAMES, NOISE, TABLE, EstimatorNoise, known_noise
+from kpopnet.dance.noise.steady import PART_OF_SEGMENT, SEGMENTS, steady_squared
+from kpopnet.dance.noise.table import CERTAIN, NOISE, TABLE, EstimatorNoise, doubt, known_noise
+from kpopnet.dance.parts import CONTEXT_FRAMES, HOP_FRAMES
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, TimeGrid, score_dance
-from kpopnet.dance.window import PARTS, part_of_angles
+from kpopnet.dance.window import PARTS, WINDOW_FRAMES, part_of_angles
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
@@ -54,6 +56,14 @@ class Seen(NamedTuple):
     teacher: Performance
     true: Performance
     estimated: Performance
+
+
+class Own(NamedTuple):
+    """A learner's estimated joints compared with their own true ones: frame by frame, and in N windows."""
+
+    distances: PathDistances
+    steady_rad2: np.ndarray  # (N, S) `steady_squared`
+    doubt: np.ndarray  # (N, S) of each segment's part
 
 
 class Scored(NamedTuple):
@@ -101,17 +111,21 @@ def of_images(folder: Path, estimator: Estimator) -> list[Seen]:
     return found
 
 
-def own_distances(seen: Seen) -> PathDistances:
-    """A learner's estimated joints compared, frame by frame, with their own true ones."""
+def own_errors(seen: Seen) -> Own:
     grid = TimeGrid(seen.true, CONFIG.feature)
     estimated = grid.features(*grid.resampled(seen.estimated, grid.frames))
-    frames = np.arange(len(estimated.angles_rad))
-    path = np.stack([frames, np.zeros_like(frames)], axis=1)
-    return distances_on_path(path, estimated, grid.teacher, 0, part_of_angles(CONFIG.feature))
+    frames, parts = np.arange(len(estimated.angles_rad)), part_of_angles(CONFIG.feature)
+    distances = distances_on_path(np.stack([frames, np.zeros_like(frames)], axis=1), estimated, grid.teacher, 0, parts)
+    steady, unsure = [], []
+    for stop in range(WINDOW_FRAMES, len(frames) + 1, HOP_FRAMES):
+        steady.append(steady_squared(*(one.angles_rad[stop - WINDOW_FRAMES : stop] for one in (estimated, grid.teacher))))
+        unsure.append(doubt(distances.confidence[max(stop - CONTEXT_FRAMES, 0) : stop])[PART_OF_SEGMENT])
+    return Own(distances, np.array(steady), np.array(unsure))
 
 
-def measured(own: Sequence[PathDistances]) -> EstimatorNoise:
-    """The noise of the estimator of learners with these `own_distances`, of spread 1."""
+def measured(errors: Sequence[Own]) -> EstimatorNoise:
+    """The noise of the estimator of learners with these errors, of spread 1."""
+    own = [one.distances for one in errors]
     signed, weights = (np.concatenate([getattr(one, name) for one in own]) for name in ("signed", "weights"))
     mean = (np.nan_to_num(signed) ** 2 * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-9)
     names = FEATURES[CONFIG.feature].names
@@ -126,7 +140,26 @@ def measured(own: Sequence[PathDistances]) -> EstimatorNoise:
         unsure, kept = doubts[:, parts][use], CONFIG.posture(squared[:, parts][use])
         fitted = least_squares(_missing_kept, (0.0, 0.5), bounds=((-9, 0), (6, 3)), args=(unsure, kept)).x
         loss[kind] = (round(float(np.exp(fitted[0])), 3), round(float(fitted[1]), 3))
-    return EstimatorNoise(std_rad, loss, 1.0)
+    steady_rad2, unsure = (np.concatenate([getattr(one, name) for one in errors]) for name in ("steady_rad2", "doubt"))
+    return EstimatorNoise(std_rad, loss, 1.0, _steady(steady_rad2, unsure))
+
+
+def _steady(steady_rad2: np.ndarray, unsure: np.ndarray) -> dict[str, tuple[float, float]]:
+    """`EstimatorNoise.steady` of (N, S) squared steady errors, radians^2, and doubts: the likeliest of exponential squares."""
+    found, kinds = {}, [name.split("_")[-1] for name in SEGMENTS]
+    for kind in dict.fromkeys(kinds):
+        columns = [number for number, one in enumerate(kinds) if one == kind]
+        squared, doubts = steady_rad2[:, columns], unsure[:, columns]
+        known = np.isfinite(squared)
+        fitted = minimize(_deviance, (0.0, 0.5), args=(squared[known], np.log(doubts[known])), bounds=((-5, 3), (0, 3))).x
+        size, power = np.exp(fitted[0]), fitted[1]
+        found[kind] = (round(float(size), 3), round(float(power), 3))
+    return found
+
+
+def _deviance(parameters: np.ndarray, squared: np.ndarray, log_doubt: np.ndarray) -> float:
+    log_mean = 2 * (parameters[0] + parameters[1] * log_doubt)
+    return float(np.mean(squared * np.exp(-log_mean) + log_mean))
 
 
 def _over_context(values: np.ndarray) -> np.ndarray:
@@ -148,9 +181,9 @@ def scored(one: Seen, noise: EstimatorNoise) -> Scored:
 
 def scored_by_others(learners: Sequence[Seen]) -> list[Scored]:
     """The scores of all learners, each with the noise that the other dances give."""
-    own, found = [own_distances(one) for one in learners], dict[int, Scored]()
+    own, found = [own_errors(one) for one in learners], dict[int, Scored]()
     for dance in sorted({one.dance for one in learners}):
-        noise = measured([distances for one, distances in zip(learners, own, strict=True) if one.dance != dance])
+        noise = measured([errors for one, errors in zip(learners, own, strict=True) if one.dance != dance])
         found |= {number: scored(one, noise) for number, one in enumerate(learners) if one.dance == dance}
     return [found[number] for number in range(len(learners))]
 
@@ -224,8 +257,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if len({one.dance for one in learners}) < 2:
         raise InputError(f"{given.folders[0]}: one dance; the uncertainty is measured on other dances than the noise")
     scores = scored_by_others(learners)
-    noise = measured([own_distances(one) for one in learners])._replace(spread=round(spread(scores), 3))
-    print(summary(learners, [one._replace(uncertainty=noise.spread * one.uncertainty) for one in scores]))
+    width = round(spread(scores), 3)
+    noise = measured([own_errors(one) for one in learners])._replace(spread=width)
+    print(summary(learners, [one._replace(uncertainty=width * one.uncertainty) for one in scores]))
     print(json.dumps({given.estimator: noise._asdict()}))
     if given.write:
         enter(given.estimator, noise)

@@ -1,6 +1,6 @@
 """Measures what a webcam's joints are worth to the score: MediaPipe's pose in the page, on colour films of SIMULATED learners.
 
-    PYTHONPATH=. python tools/measure_webcam.py fit --write      # the noise of the table `kpopnet.dance.parts.NOISE`
+    PYTHONPATH=. python tools/measure_webcam.py fit --write      # the noise of the table `kpopnet.dance.noise.table.NOISE`
     PYTHONPATH=. python tools/measure_webcam.py judge --dances 1 # other dances and people, by webcam and by depth
 
 The pictures are given to the page's own module one by one with their times, so that a busy machine loses none. Every learner's
@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from measure_noise import Seen, enter, measured, own_distances, scored_by_others, spread, summary
+from measure_noise import Seen, enter, measured, own_errors, scored_by_others, spread, summary
 from tqdm import tqdm
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -156,7 +156,7 @@ def fit(learners: dict[str, list[Filmed]], write: bool) -> None:
         for one in group
     ]
     scores = scored_by_others(seen)
-    noise = measured([own_distances(one) for one in seen])._replace(spread=round(spread(scores), 3))
+    noise = measured([own_errors(one) for one in seen])._replace(spread=round(spread(scores), 3))
     print(summary(seen, [one._replace(uncertainty=noise.spread * one.uncertainty) for one in scores]))
     print(json.dumps({WEBCAM: noise._asdict()}, indent=1))
     if write:

@@ -151,8 +151,8 @@ class OnlineScorer:
         """The score of a window that ends with a frame."""
         parts = {
             name: float(value)
-            for name, value in zip(PARTS, np.minimum(window.parts, 100), strict=True)
+            for name, value in zip(PARTS, np.minimum(window.parts, window.parts_most), strict=True)
             if not math.isnan(value)
         }
-        whole = window.delay_s, window.timing, min(window.posture, 100.0), min(window.similarity, 100.0)
+        whole = window.delay_s, window.timing, min(window.posture, window.most), min(window.similarity, window.limit)
         return OnlineScore(float(self._grid.time_s(frame)), *whole, parts, shown.so_far, shown.mirrored)

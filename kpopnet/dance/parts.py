@@ -17,19 +17,20 @@ An estimator's errors make perfect dancing lose similarity too, the more the les
 by part and confidence, was learnt on simulated dances (`noise.json`, `tools/measure_noise.py`). A window's similarities are
 divided by what perfect dancing would keep in it: the quotient of two means is nearly unbiased, unlike the mean
 of quotients of frames, and a frame of which little is known counts little. It grows with similarity, so the score falls
-with every fault as it does on true joints. A window may exceed 100; only what is shown is limited.
+with every fault as it does on true joints. A window may exceed 100; only what is shown is limited: to 100, and to what the
+learner's steady differences leave (`kpopnet.dance.noise.steady`), for such a quotient excuses many faults.
 """
 
-import json
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from kpopnet.dance.dtw import best_match, constant_delay, distances_on_path
 from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features
+from kpopnet.dance.noise.steady import steady_similarity, steady_squared
+from kpopnet.dance.noise.table import NOISE, doubt, kept_by_noise, known_noise, steady_by_noise
 from kpopnet.dance.window import (
     BAND_FRAMES,
     FPS,
@@ -75,53 +76,6 @@ would otherwise leave nothing to be scored."""
 MIN_MOVEMENT = 0.1
 """A window has full weight if standing still in its mean pose scores at least this much less than 1, otherwise in
 proportion."""
-
-
-class EstimatorNoise(NamedTuple):
-    """The errors of an estimator on simulated dances of the split `train`."""
-
-    # by the name of an angle of dance22_turn, the standard deviation of the error around the true angle, radians, constant
-    # errors included; of an azimuth, weighted as the distance weights it. Angles that are not named have none.
-    std_rad: dict[str, float]
-    # by a word of PARTS (arm, leg, torso, turning), a and b: perfect dancing keeps the similarity 1 / (1 + a d^b) of a part of
-    # `doubt` d
-    loss: dict[str, tuple[float, float]]
-    # half of what 95 % of scores' errors do not exceed, in units of (1 - kept) / kept, see `DanceScore.uncertainty`; None where
-    # it was not measured
-    spread: float | None
-
-
-CERTAIN = 0.003
-"""Chance of an error that no confidence excludes."""
-
-TABLE = Path(__file__).with_name("noise.json")
-
-NOISE: dict[str, EstimatorNoise] = {"none": EstimatorNoise({}, {}, 0.0)} | {
-    name: EstimatorNoise(**entry) for name, entry in json.loads(TABLE.read_text()).items()
-}
-"""By the estimator's name; `none` for true joints. Those of the network are the shipped one's."""
-
-
-def known_noise(name: str) -> EstimatorNoise:
-    """The noise of an estimator; none for `auto`, which only an evaluation replaces by each estimator's."""
-    return NOISE["none" if name == "auto" else name]
-
-
-def kept_by_noise(loss: dict[str, tuple[float, float]], doubt: np.ndarray) -> np.ndarray:
-    """(..., P) similarity in 0..1 that perfect dancing keeps, of the (..., P) `doubt` of each part."""
-    scale, power = np.array([loss.get(name.split()[-1], (0.0, 0.0)) for name in PARTS]).T
-    return 1 / (1 + scale * doubt**power)
-
-
-def doubt(confidence: np.ndarray) -> np.ndarray:
-    """(P,) geometric mean, over the frames that show the part, of the chance that its least confident joint is wrong.
-
-    Takes (n, P) confidence. An estimator that errs in one pose errs in those around it too, of which it is surer: seconds tell
-    more than a frame (docs/ledger.md).
-    """
-    shown = confidence > 0
-    logarithm = np.where(shown, np.log(1 - confidence + CERTAIN), 0.0).sum(axis=0)
-    return np.exp(logarithm / np.maximum(shown.sum(axis=0), 1))
 
 
 @dataclass(frozen=True)
@@ -227,35 +181,45 @@ class PartTeacher:
         if not len(path):
             return nothing_seen(self.features, self.parts, start)
         of_parts = [confidence[-CONTEXT_FRAMES:, self.parts == part].min(axis=1) for part in range(len(PARTS))]
-        kept = kept_by_noise(known_noise(self.scorer.noise).loss, doubt(np.stack(of_parts, axis=1)))
-        matched = self._on_path(path, learner, start, kept)
+        unsure = doubt(np.stack(of_parts, axis=1))
+        matched = self._on_path(path, learner, start, unsure)
         if (path[:, 1] == expected).all():
             return matched
         # A wrong limb may lead the match astray. Then the other limbs are compared at the constant delay, as if it were unseen.
         straight = np.stack([np.arange(frames), np.full(frames, expected)], axis=1)
         straight = straight[np.isfinite(distances[-frames:, expected])]
-        steady = self._on_path(straight, learner, start, kept) if len(straight) else matched
+        steady = self._on_path(straight, learner, start, unsure) if len(straight) else matched
         return steady if steady.similarity > matched.similarity else matched
 
-    def _on_path(self, path: np.ndarray, learner: Features, start: int, kept: np.ndarray) -> WindowScore:
+    def _on_path(self, path: np.ndarray, learner: Features, start: int, unsure: np.ndarray) -> WindowScore:
         """Scores a window whose frames correspond to the teacher's by a (L, 2) path, see `kpopnet.dance.dtw.best_match`.
 
-        `kept` (P,) is the similarity that perfect dancing keeps.
+        `unsure` (P,) is the `doubt` of the parts.
         """
-        offset = start - BAND_FRAMES
+        offset, noise = start - BAND_FRAMES, known_noise(self.scorer.noise)
         on_path = distances_on_path(path, learner, self.features, offset, self.parts)
         shifts, turning = _subframe_shifts(on_path.squared), self.turning[offset + path.sum(axis=1)]
         parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(_squared_at(on_path.squared, shifts)), np.nan)
         # What is unseen stays a loss: the estimator's errors excuse only what is seen.
-        kept = np.where(on_path.taught, 1 - on_path.seen * (1 - kept), np.nan)
+        kept = np.where(on_path.taught, 1 - on_path.seen * (1 - kept_by_noise(noise.loss, unsure)), np.nan)
         expected = float(_known_mean(_of_body(kept, turning)))
-        body = np.maximum(_of_body(parts, turning) / expected - self.standing, 0) / (1 - self.standing)
+        body = self._skill(_of_body(parts, turning) / expected)
         parts = parts / _known_mean(kept)
         shown = np.where(on_path.taught.any(axis=1), on_path.seen.any(axis=1), np.nan)
         # The mean delay of the pairs changes smoothly with the learner's, unlike that of the middles in Eq. (13).
         delay_s = float(BAND_FRAMES - (path[:, 1] + shifts).mean()) / FPS
         pairs, timing = np.column_stack([body, shown, parts]), 100 * self.scorer.timing(delay_s)
-        return window_score(pairs, on_path, path, self.parts, HOP_FRAMES, delay_s, timing, expected)
+        score = window_score(pairs, on_path, path, self.parts, HOP_FRAMES, delay_s, timing, expected)
+        if not noise.steady or not on_path.taught.any():
+            return score
+        paired = learner.angles_rad[path[:, 0]], self.features.angles_rad[offset + path.sum(axis=1)]
+        most = steady_similarity(steady_squared(*paired), steady_by_noise(noise.steady, unsure), self.scorer.beta)
+        body = self._skill(most[on_path.taught.any(axis=0)].mean(keepdims=True))
+        return score._replace(most=100 * float(body[0]), parts_most=100 * most)
+
+    def _skill(self, similarity: np.ndarray) -> np.ndarray:
+        """Similarities in 0..1, without what standing still has."""
+        return np.maximum(similarity - self.standing, 0) / (1 - self.standing)
 
 
 def _of_body(parts: np.ndarray, turning: np.ndarray) -> np.ndarray:

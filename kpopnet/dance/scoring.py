@@ -18,8 +18,9 @@ from kpopnet.dance.dimensions.movement import Dynamics, Rhythm, dynamics, rhythm
 from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, stage_score
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features, dance_features
+from kpopnet.dance.noise.table import known_noise
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
-from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher, known_noise
+from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher
 from kpopnet.dance.performance import Performance, as_performance, resampled
 from kpopnet.dance.timing import MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore, not_compared
@@ -322,7 +323,7 @@ class Comparison:
         # Filled, so that all memory is taken before the dance begins, not page by page while it is scored in real time.
         self._distances = np.full((len(grid.frames), 2 * BAND_FRAMES + 1), np.nan)
         self._end, self.kept = 0, list[WindowScore]()
-        self._sum, self._weight = 0.0, 0.0
+        self._sum, self._most, self._weight = 0.0, 0.0, 0.0
 
     def add(self, joints_m: np.ndarray, confidence: np.ndarray, new: int) -> None:
         """Adds the learner's next frames, the last `new` of (T, 15, 3) joints; the first of all is the teacher's frame 0.
@@ -367,12 +368,13 @@ class Comparison:
             self.kept.append(window)
             if not math.isnan(window.similarity):
                 self._sum, self._weight = self._sum + weight * window.similarity, self._weight + weight
+                self._most += weight * window.limit
         return bool(starts)
 
     @property
     def so_far(self) -> float:
         """S of Eq. (15) of the windows that were kept, 0 to 100; NaN before the first one."""
-        return min(self._sum / self._weight, 100.0) if self._weight else math.nan
+        return min(self._sum, self._most) / self._weight if self._weight else math.nan
 
     def summary(self) -> DanceScore:
         """The score of the windows that were kept."""
@@ -386,17 +388,19 @@ class Comparison:
         )
         parts, coverage = ({name: array[:, i] for i, name in enumerate(PARTS)} for array in arrays[:2])
         kept = np.where(np.isfinite(posture), kept, np.nan)
-        # Means are of what may exceed 100, or errors of the estimator would lower them.
-        shown_parts = {name: np.minimum(one, 100) for name, one in parts.items()}
-        whole = delay_s, timing, np.minimum(posture, 100), np.minimum(similarity, 100)
+        # Means are limited, not what they are of, or errors of the estimator would lower them.
+        most, limit = (np.array([getattr(one, name) for one in self.kept]) for name in ("most", "limit"))
+        most_of: dict[str, np.ndarray] = dict(zip(PARTS, np.array([one.parts_most for one in self.kept]).T, strict=True))
+        shown_parts = {name: np.minimum(one, most_of[name]) for name, one in parts.items()}
+        whole = delay_s, timing, np.minimum(posture, most), np.minimum(similarity, limit)
         windows = Windows(start_s, *whole, weight, shown_parts, coverage, *arrays[2:])
         scored = float(np.isfinite(delay_s).mean())
         shown = [name for name in PARTS if np.isfinite(parts[name]).any()]
         return DanceScore(
-            similarity=min(_mean(similarity, weight), 100.0) if scored else math.nan,  # Eq. (15)
+            similarity=min(_mean(similarity, weight), _mean(limit, weight)) if scored else math.nan,  # Eq. (15)
             timing=_mean(timing, weight),
-            posture=min(_mean(posture, weight), 100.0) if scored else math.nan,
-            parts={name: min(_mean(parts[name], weight), 100.0) for name in shown},
+            posture=min(_mean(posture, weight), _mean(most, weight)) if scored else math.nan,
+            parts={name: min(_mean(parts[name], weight), _mean(most_of[name], weight)) for name in shown},
             scored=scored,
             windows=windows,
             coverage={name: _mean(coverage[name], weight) for name in shown},

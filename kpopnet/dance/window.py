@@ -43,6 +43,14 @@ class WindowScore(NamedTuple):
     error_rad: np.ndarray
     error_weight: np.ndarray  # (D,) mean weight of these differences, 0..1; 0 where there are none
     expected: float  # posture in 0..1, before it was divided by it, of perfect dancing through the estimator; 1 for true joints
+    # posture, and that of each of `PARTS`, that steady differences through a known estimator leave at most, 0 to 100
+    most: float = 100.0
+    parts_most: np.ndarray = np.full(len(PARTS), 100.0)
+
+    @property
+    def limit(self) -> float:
+        """What steady differences leave of `similarity` at most."""
+        return self.timing * self.most / 100 if math.isfinite(self.timing) else self.similarity
 
     @property
     def similarity(self) -> float:

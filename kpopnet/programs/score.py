@@ -19,7 +19,8 @@ from pathlib import Path
 from kpopnet.dance.diagnosis import CORRECTIONS, RecordingFault, corrected, delayed, diagnose
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
-from kpopnet.dance.parts import NOISE, PartScorer
+from kpopnet.dance.noise.table import NOISE
+from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S

@@ -12,7 +12,7 @@ import numpy as np
 
 from kpopnet.dance.dimensions.stage import runs
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.parts import known_noise
+from kpopnet.dance.noise.table import known_noise
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.window import PARTS, part_of_angles
 from kpopnet.languages import Said

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.parts import NOISE, PartScorer
+from kpopnet.dance.noise.table import NOISE
+from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.scoring import SCORERS, Scorer, score_dance
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError

@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 import numpy as np
 from numba.core import event
 
-from kpopnet.dance.parts import NOISE
+from kpopnet.dance.noise.table import NOISE
 from kpopnet.errors import InputError
 from kpopnet.languages import Said, keyed
 from kpopnet.pose import PersonPose, PoseEstimator

@@ -50,7 +50,7 @@ class DanceTry:
     """One try of a dance, from its first image on."""
 
     def __init__(self, lesson: Lesson, dance: TaughtDance, noise: str) -> None:
-        """Begins a try; `noise` is the name of the estimator's errors in `kpopnet.dance.parts.NOISE`."""
+        """Begins a try; `noise` is the name of the estimator's errors in `kpopnet.dance.noise.table.NOISE`."""
         self._lesson, self._about = lesson, dance.about
         self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)  # seconds of the dance
         self._config = scorer_config(lesson, noise)

@@ -9,8 +9,8 @@ from dance_people import FPS, dance_joints_m, noisy, performed
 from programs import tool
 
 from kpopnet.dance.features import FEATURES
+from kpopnet.dance.noise.table import NOISE, doubt, kept_by_noise
 from kpopnet.dance.online import OnlineScorer
-from kpopnet.dance.parts import NOISE, doubt, kept_by_noise
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, DanceScore, score_dance
 from kpopnet.skeleton import Joint
@@ -37,7 +37,7 @@ def seen(dance: int, seed: int) -> noise.Seen:
 def known():
     with pytest.MonkeyPatch.context() as patch:
         learners = [seen(dance, 7) for dance in (3, 4)]
-        found = noise.measured([noise.own_distances(one) for one in learners])
+        found = noise.measured([noise.own_errors(one) for one in learners])
         spread = noise.spread([noise.scored(one, found) for one in learners])
         patch.setitem(NOISE, "test", found._replace(spread=spread))
         yield replace(OURS, noise="test")
@@ -77,7 +77,7 @@ def test_online_equals_offline_where_errors_are_taken_out(known):
 
 
 def test_noise_is_measured_as_it_is():
-    found = noise.measured([noise.own_distances(seen(dance, 5)) for dance in range(2)])
+    found = noise.measured([noise.own_errors(seen(dance, 5)) for dance in range(2)])
     assert set(found.std_rad) == set(FEATURES["dance22_turn"].names)
     assert 0.03 < min(found.std_rad["left_elbow_inclination"], found.std_rad["right_foot_inclination"]) < 0.3
     kept = kept_by_noise(found.loss, np.array([doubt(np.full((5, 6), sure)) for sure in (0.8, 0.99)]))

@@ -1,0 +1,1 @@
+"""The errors of estimators of joints, in the score."""

@@ -1,0 +1,67 @@
+"""What estimators' errors do to perfect dancing, learnt on simulated dances by tools/measure_noise.py."""
+
+import json
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from kpopnet.dance.noise.steady import PART_OF_SEGMENT, SEGMENTS
+from kpopnet.dance.window import PARTS
+
+
+class EstimatorNoise(NamedTuple):
+    """The errors of an estimator on simulated dances of the split `train`."""
+
+    # by the name of an angle of dance22_turn, the standard deviation of the error around the true angle, radians, constant
+    # errors included; of an azimuth, weighted as the distance weights it. Angles that are not named have none.
+    std_rad: dict[str, float]
+    # by a word of PARTS (arm, leg, torso, turning), a and b: perfect dancing keeps the similarity 1 / (1 + a d^b) of a part of
+    # `doubt` d
+    loss: dict[str, tuple[float, float]]
+    # half of what 95 % of scores' errors do not exceed, in units of (1 - kept) / kept, see `DanceScore.uncertainty`; None where
+    # it was not measured
+    spread: float | None
+    # by the last word of a name of `steady.SEGMENTS` (elbow, hand, knee, foot, torso), a and b: perfect dancing has a steady
+    # difference of the root mean square a d^b, radians, of a part of `doubt` d; empty where it was not measured
+    steady: dict[str, tuple[float, float]]
+
+
+CERTAIN = 0.003
+"""Chance of an error that no confidence excludes."""
+
+TABLE = Path(__file__).parents[1] / "noise.json"
+
+NOISE: dict[str, EstimatorNoise] = {"none": EstimatorNoise({}, {}, 0.0, {})} | {
+    name: EstimatorNoise(**entry) for name, entry in json.loads(TABLE.read_text()).items()
+}
+"""By the estimator's name; `none` for true joints. Those of the network are the shipped one's."""
+
+
+def known_noise(name: str) -> EstimatorNoise:
+    """The noise of an estimator; none for `auto`, which only an evaluation replaces by each estimator's."""
+    return NOISE["none" if name == "auto" else name]
+
+
+def kept_by_noise(loss: dict[str, tuple[float, float]], doubt: np.ndarray) -> np.ndarray:
+    """(..., P) similarity in 0..1 that perfect dancing keeps, of the (..., P) `doubt` of each part."""
+    scale, power = np.array([loss.get(name.split()[-1], (0.0, 0.0)) for name in PARTS]).T
+    return 1 / (1 + scale * doubt**power)
+
+
+def doubt(confidence: np.ndarray) -> np.ndarray:
+    """(P,) geometric mean, over the frames that show the part, of the chance that its least confident joint is wrong.
+
+    Takes (n, P) confidence. An estimator that errs in one pose errs in those around it too, of which it is surer: seconds tell
+    more than a frame (docs/ledger.md).
+    """
+    shown = confidence > 0
+    logarithm = np.where(shown, np.log(1 - confidence + CERTAIN), 0.0).sum(axis=0)
+    return np.exp(logarithm / np.maximum(shown.sum(axis=0), 1))
+
+
+def steady_by_noise(steady: dict[str, tuple[float, float]], doubt: np.ndarray) -> np.ndarray:
+    """(S,) mean squares, radians^2, of perfect dancing's steady differences, of (P,) `doubt`; infinite where not measured."""
+    scale, power = np.array([steady.get(name.split("_")[-1], (math.inf, 0.0)) for name in SEGMENTS]).T
+    return (scale * doubt[PART_OF_SEGMENT] ** power) ** 2

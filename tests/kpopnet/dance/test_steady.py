@@ -1,0 +1,101 @@
+"""What a learner does differently throughout a window limits the score where an estimator's errors would excuse it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dance_learners import arm_lowered, smaller
+from dance_people import FPS, dance_joints_m, noisy, performed
+
+from kpopnet.dance.features import dance_features
+from kpopnet.dance.noise.steady import MOST_EXPECTED_RAD, SEGMENTS, steady_similarity, steady_squared
+from kpopnet.dance.noise.table import NOISE, steady_by_noise
+from kpopnet.dance.online import OnlineScorer
+from kpopnet.dance.scoring import OURS, score_dance
+from kpopnet.dance.window import PARTS
+from kpopnet.skeleton import Joint
+
+JOINTS_M, BETA = dance_joints_m(0), OURS.beta
+
+
+def angles_rad(joints_m):
+    return dance_features(joints_m, "dance22_turn", FPS).angles_rad
+
+
+def squared(learner_m, teacher_m=JOINTS_M):
+    return dict(zip(SEGMENTS, steady_squared(angles_rad(learner_m), angles_rad(teacher_m)), strict=True))
+
+
+@pytest.fixture
+def generous(monkeypatch):
+    """A scorer whose noise excuses nearly everything in single frames."""
+    loss = dict.fromkeys(("arm", "leg", "torso", "turning"), (9.0, 0.0))
+    steady = dict.fromkeys(("elbow", "hand", "knee", "foot", "torso"), (0.05, 0.0))
+    monkeypatch.setitem(NOISE, "generous", NOISE["none"]._replace(loss=loss, spread=1.0, steady=steady))
+    monkeypatch.setitem(NOISE, "blind", NOISE["generous"]._replace(steady={}))
+    return replace(OURS, noise="generous")
+
+
+def test_a_lowered_arm_is_a_steady_difference_of_its_segments_alone_and_grows_with_the_fault():
+    found = [squared(arm_lowered(JOINTS_M, "left", degrees)) for degrees in (10, 20, 30)]
+    size_deg = [np.degrees(np.sqrt(one["left_elbow"])) for one in found]
+    assert np.diff([0, *size_deg]) == pytest.approx([9, 9, 9], abs=3)  # an arm that hangs already cannot be lowered
+    others = [value for name, value in found[2].items() if not name.startswith("left_elbow")]
+    assert max(others) < 0.1 * found[2]["left_elbow"]
+
+
+def test_the_mean_is_robust_to_noise_that_single_frames_drown_in():
+    learner_m = noisy(JOINTS_M, 0.05, 3)
+    frame = [
+        np.sqrt(np.nanmedian([squared(learner_m[k : k + 1], JOINTS_M[k : k + 1])[name] for k in range(60)]))
+        for name in SEGMENTS
+    ]
+    window = [np.sqrt(squared(learner_m[:60], JOINTS_M[:60])[name]) for name in SEGMENTS]
+    assert np.mean(window) < 0.4 * np.mean(frame)
+
+
+def test_what_is_known_in_too_few_frames_is_not_judged():
+    learner_m = JOINTS_M.copy()
+    learner_m[: int(0.6 * len(learner_m)), Joint.RIGHT_HAND] = np.nan
+    found = squared(learner_m)
+    assert np.isnan(found["right_hand"]) and np.isfinite(found["left_hand"])
+    assert (steady_similarity(np.full(len(SEGMENTS), np.nan), np.zeros(len(SEGMENTS)), BETA) == 1).all()
+
+
+def test_only_what_exceeds_perfect_dancing_costs_and_an_unsure_estimator_judges_nothing():
+    expected = np.full(len(SEGMENTS), 0.01)
+    assert (steady_similarity(expected, expected, BETA) == 1).all()
+    one = expected + np.where(np.array(SEGMENTS) == "left_elbow", BETA**2, 0)
+    assert steady_similarity(one, expected, BETA)[PARTS.index("left arm")] == pytest.approx(np.exp(-1))
+    assert (steady_similarity(one + 1, np.full(len(SEGMENTS), 1.01 * MOST_EXPECTED_RAD**2), BETA) == 1).all()
+    assert np.isinf(steady_by_noise({}, np.full(len(PARTS), 0.1))).all()
+    wider = steady_by_noise({"hand": (0.5, 0.5)}, np.array([0.1, 0.4, 0.1, 0.1, 0.1, 0.1]))
+    assert wider[SEGMENTS.index("right_hand")] == pytest.approx(4 * wider[SEGMENTS.index("left_hand")]) == pytest.approx(0.1)
+
+
+def test_a_steady_fault_costs_where_errors_would_excuse_it_and_costs_more_the_larger_it_is(generous):
+    teacher, blind = performed(JOINTS_M), replace(OURS, noise="blind")
+    learners = [arm_lowered(JOINTS_M, "left", degrees) for degrees in (15, 25, 40)] + [smaller(JOINTS_M, 0.5)]
+    assert min(score_dance(teacher, performed(one), blind).similarity for one in learners[:3]) > 99.5
+    perfect, *scores = (score_dance(teacher, performed(one), generous) for one in (JOINTS_M, *learners))
+    assert perfect.similarity > 99.9
+    assert (np.diff([perfect.similarity, *(one.similarity for one in scores[:3])]) < -1).all() and scores[3].similarity < 98
+    assert scores[2].parts["left arm"] < 60 and scores[2].parts["right arm"] == 100
+    assert max(*scores[2].windows.posture, *scores[2].windows.similarity) < 100
+
+
+def test_a_fault_costs_while_it_lasts(generous):
+    learner_m = np.concatenate([arm_lowered(JOINTS_M[:180], "left", 40), JOINTS_M[180:]])
+    posture = score_dance(performed(JOINTS_M), performed(learner_m), generous).windows.posture
+    assert (posture[:8] < 97).all() and (posture[-8:] == 100).all()
+
+
+def test_online_equals_offline_where_steady_differences_limit_the_score(generous):
+    learner_m = noisy(arm_lowered(JOINTS_M, "right", 25), 0.01, 1)
+    learner, online = performed(learner_m), OnlineScorer(performed(JOINTS_M), generous)
+    for joints_m, time_s in zip(learner_m, learner.times_s, strict=True):
+        latest = online.update(joints_m, time_s)
+    offline = score_dance(performed(JOINTS_M), learner, generous)
+    assert offline.similarity < 99 and offline.similarity == pytest.approx(online.finish().similarity)
+    assert latest.so_far == pytest.approx(offline.similarity, abs=2)
+    assert latest.parts["right arm"] < 80 < latest.parts["left arm"]
