@@ -220,6 +220,8 @@ def joints_inside(uv: np.ndarray, person_m: np.ndarray, camera: Camera) -> np.nd
     edges everywhere.
     """
     distance_px = cv2.distanceTransform((person_m > 0).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    # OpenCV rounds its roots differently from one call to another; their squares are whole numbers.
+    distance_px = np.sqrt(np.rint(distance_px.astype(np.float64) ** 2))
     joints = np.full((NUM_JOINTS, 3), np.nan)
     radius_px = surface_radius_px(person_m, camera)
     for joint in Joint:

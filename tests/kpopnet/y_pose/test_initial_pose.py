@@ -2,6 +2,7 @@
 
 from dataclasses import astuple
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -163,3 +164,11 @@ def test_real_people_in_other_poses_are_refused() -> None:
     for name in benchmark.sequence_names()[::24]:
         sequence = benchmark.read(name)
         assert all(find_initial_pose(depth, sequence.camera) is None for depth in sequence.depth_m[::8])
+
+
+def test_the_last_bit_of_opencvs_distances_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = CAMERAS["kinect_v1"]
+    depth_m = draw_y(y_joints(), camera)
+    before, transform = find_initial_pose(depth_m, camera), cv2.distanceTransform
+    monkeypatch.setattr(cv2, "distanceTransform", lambda *given: np.nextafter(transform(*given), np.float32(1e9)))
+    assert np.array_equal(before.joints_camera_m, find_initial_pose(depth_m, camera).joints_camera_m)
