@@ -1,6 +1,6 @@
 """Measures what an estimator's errors do to scores of training dances, for the table `kpopnet.dance.noise.table.NOISE`.
 
-    python tools/graded_learners.py data/graded/train --dances 12
+    python tools/graded_learners.py data/graded/train --dances 10 --rounds 2
     python tools/measure_noise.py data/graded/train data/graded/train_clips --estimator realtime --write
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
     python tools/measure_noise.py data/kpop_train --estimator tracker                    # of images

@@ -17,8 +17,8 @@ An estimator's errors make perfect dancing lose similarity too, the more the les
 by part and confidence, was learnt on simulated dances (`noise.json`, `tools/measure_noise.py`). A window's similarities are
 divided by what perfect dancing would keep in it: the quotient of two means is nearly unbiased, unlike the mean
 of quotients of frames, and a frame of which little is known counts little. It grows with similarity, so the score falls
-with every fault as it does on true joints. A window may exceed 100; only what is shown is limited: to 100, and to what the
-learner's steady differences leave (`kpopnet.dance.noise.steady`), for such a quotient excuses many faults.
+with every fault as it does on true joints. A window may exceed 100; only what is shown is limited: to its timing, and to what
+the learner's steady differences leave (`kpopnet.dance.noise.steady`), for such a quotient excuses many faults.
 """
 
 import math
@@ -182,14 +182,15 @@ class PartTeacher:
             return nothing_seen(self.features, self.parts, start)
         of_parts = [confidence[-CONTEXT_FRAMES:, self.parts == part].min(axis=1) for part in range(len(PARTS))]
         unsure = doubt(np.stack(of_parts, axis=1))
-        matched = self._on_path(path, learner, start, unsure)
-        if (path[:, 1] == expected).all():
-            return matched
+        score = self._on_path(path, learner, start, unsure)
         # A wrong limb may lead the match astray. Then the other limbs are compared at the constant delay, as if it were unseen.
         straight = np.stack([np.arange(frames), np.full(frames, expected)], axis=1)
         straight = straight[np.isfinite(distances[-frames:, expected])]
-        steady = self._on_path(straight, learner, start, unsure) if len(straight) else matched
-        return steady if steady.similarity > matched.similarity else matched
+        if len(straight) and not (path[:, 1] == expected).all():
+            at_constant_delay = self._on_path(straight, learner, start, unsure)
+            if at_constant_delay.similarity > score.similarity:
+                score, path = at_constant_delay, straight
+        return self._limited(score, path, learner, start, unsure)
 
     def _on_path(self, path: np.ndarray, learner: Features, start: int, unsure: np.ndarray) -> WindowScore:
         """Scores a window whose frames correspond to the teacher's by a (L, 2) path, see `kpopnet.dance.dtw.best_match`.
@@ -209,12 +210,16 @@ class PartTeacher:
         # The mean delay of the pairs changes smoothly with the learner's, unlike that of the middles in Eq. (13).
         delay_s = float(BAND_FRAMES - (path[:, 1] + shifts).mean()) / FPS
         pairs, timing = np.column_stack([body, shown, parts]), 100 * self.scorer.timing(delay_s)
-        score = window_score(pairs, on_path, path, self.parts, HOP_FRAMES, delay_s, timing, expected)
-        if not noise.steady or not on_path.taught.any():
+        return window_score(pairs, on_path, path, self.parts, HOP_FRAMES, delay_s, timing, expected)
+
+    def _limited(self, score: WindowScore, path: np.ndarray, learner: Features, start: int, unsure: np.ndarray) -> WindowScore:
+        """The score of a window, matched by the path, with what the learner's steady differences leave at most."""
+        noise, taught = known_noise(self.scorer.noise), np.isfinite(score.parts)
+        if not noise.steady or not taught.any():
             return score
-        paired = learner.angles_rad[path[:, 0]], self.features.angles_rad[offset + path.sum(axis=1)]
+        paired = learner.angles_rad[path[:, 0]], self.features.angles_rad[start - BAND_FRAMES + path.sum(axis=1)]
         most = steady_similarity(steady_squared(*paired), steady_by_noise(noise.steady, unsure), self.scorer.beta)
-        body = self._skill(most[on_path.taught.any(axis=0)].mean(keepdims=True))
+        body = self._skill(most[taught].mean(keepdims=True))
         return score._replace(most=100 * float(body[0]), parts_most=100 * most)
 
     def _skill(self, similarity: np.ndarray) -> np.ndarray:

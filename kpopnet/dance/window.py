@@ -49,7 +49,7 @@ class WindowScore(NamedTuple):
 
     @property
     def limit(self) -> float:
-        """What steady differences leave of `similarity` at most."""
+        """What timing and steady differences leave of `similarity` at most: errors below the usual ones excuse neither."""
         return self.timing * self.most / 100 if math.isfinite(self.timing) else self.similarity
 
     @property

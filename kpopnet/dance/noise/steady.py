@@ -1,4 +1,5 @@
-"""What a learner does differently throughout a window, told apart from an estimator's errors.
+"""What a learner does differently throughout a window (constant error, in the words of motor skills), told apart from an
+estimator's errors.
 
 An estimator's errors change from pose to pose, often within a window; an arm that is held too low stays low. So the mean of the
 differences between learner and teacher over the window shows a fault that single frames do not show.

@@ -99,3 +99,9 @@ def test_online_equals_offline_where_steady_differences_limit_the_score(generous
     assert offline.similarity < 99 and offline.similarity == pytest.approx(online.finish().similarity)
     assert latest.so_far == pytest.approx(offline.similarity, abs=2)
     assert latest.parts["right arm"] < 80 < latest.parts["left arm"]
+
+
+def test_errors_below_the_usual_ones_do_not_excuse_lateness(generous):
+    late = score_dance(performed(JOINTS_M), performed(JOINTS_M, 0.1), generous)
+    assert 85 < late.similarity < 99 and late.similarity == pytest.approx(late.timing, abs=0.5)
+    assert (late.windows.similarity <= late.windows.timing + 1e-9).all()
