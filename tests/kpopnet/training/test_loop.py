@@ -86,6 +86,18 @@ def test_small_crops_come_first_and_the_models_size_follows(tmp_path):
         run_short(tmp_path, SMALL_FIRST, replace(MODEL, kind="holistic"))
 
 
+def test_the_best_checkpoint_is_one_of_the_models_crops_however_small_the_errors_in_smaller_ones(tmp_path, monkeypatch):
+    measured, errors_cm = loop.validate, iter((1.0, 2.0, 3.0))
+
+    def scripted(*given):
+        metrics, estimates = measured(*given)
+        return metrics | {"mean_error_cm": next(errors_cm)}, estimates
+
+    monkeypatch.setattr(loop, "validate", scripted)
+    run_short(tmp_path, SMALL_FIRST)  # validates after two steps, of smaller crops, four and six
+    assert read_meta(tmp_path / "best")["step"] == 4
+
+
 def test_the_number_of_workers_changes_nothing(tmp_path):
     short = replace(SHORT, steps=2)
     first, same = (run_short(tmp_path / str(workers), short, workers=workers) for workers in (0, 1))
