@@ -63,7 +63,8 @@ languages.addEventListener("change", () => {
   history.replaceState(null, "", `/${location.hash}`); // without ?lang=
   location.reload();
 });
-languages.before(handsSwitch(show));
+// A dance, a recording or a measurement goes on: what is busy is not shown anew.
+languages.before(handsSwitch(() => main.querySelector("[data-busy]") || show()));
 addEventListener("storage", ({ key }) => { if (key === "teach.who") myself().catch(() => {}); }); // chosen in another tab
 for (const [id, otherwise] of [["theme", "auto"], ["palette", "brightness"]]) {
   const select = document.getElementById(id);

@@ -31,6 +31,7 @@ export async function calibrate(main) {
     el("div", { class: "panel seen calibrating" }, canvas, beat, guide), kept,
     el("p", {}, el("a", { href: "#/" }, say("To the dances"))),
   );
+  main.dataset.busy = ""; // nothing here is chosen by hand
   const learner = new LearnerView(canvas);
   const live = liveFor({ preparing, ready, frame, away, back: () => stop(say("the camera was away; start again")), done,
     error: ({ text }) => stop(say(text)), lost: () => state.running && stop(say("the teacher's program does not answer; is it still running?")) });

@@ -15,7 +15,11 @@ export const handsFree = () => remembered("hands", false);
 
 // The switch in the header; `changed` is called after it.
 export function handsSwitch(changed) {
-  const box = el("input", { type: "checkbox", id: "hands-free", checked: handsFree(), onchange: () => { remember("hands", box.checked); changed(); } });
+  const box = el("input", { type: "checkbox", id: "hands-free", checked: handsFree(), onchange: () => {
+    remember("hands", box.checked);
+    if (!box.checked) panel.hidden = hint.hidden = true;
+    changed();
+  } });
   document.body.append(panel, hint);
   // Of what is in full screen nothing outside is drawn.
   document.addEventListener("fullscreenchange", () => (document.fullscreenElement || document.body).append(panel, hint));

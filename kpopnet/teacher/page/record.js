@@ -28,6 +28,7 @@ export async function record(main) {
       + "The picture stays in this browser.", { counts: COUNTS })),
     el("div", { class: "controls" }, start, el("label", {}, say("music"), music), el("label", {}, say("beats a minute"), tempo)), song.panel, failed, told,
     el("div", { class: "panel seen calibrating" }, canvas, count), editor, el("p", {}, el("a", { href: "#/" }, say("To the dances"))));
+  main.dataset.busy = ""; // nothing here is chosen by hand, and a dance would be lost
   const learner = new LearnerView(canvas);
   const onKey = (event) => {
     if (event.key !== " " || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;

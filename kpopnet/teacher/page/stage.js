@@ -152,6 +152,7 @@ export async function stage(main, identity, wanted) {
     remember("people", Number(parts.people.value));
     showMembers();
     Object.assign(state, { running: true, ready: false, start: 0, paused_s: null });
+    main.dataset.busy = "";
     parts.start.textContent = say("Stop");
     parts.mirrored.disabled = true; // how it is scored was said at the start
     shown.error.textContent = "";
@@ -169,6 +170,7 @@ export async function stage(main, identity, wanted) {
   // The camera goes on watching for a hand that points, unless this view is left, or it was the camera that failed.
   function stop(message, watches = true) {
     Object.assign(state, { running: false, ready: false, start: 0, place: null, paused_s: null });
+    delete main.dataset.busy;
     shown.beginNow.hidden = true;
     clearTimeout(state.again);
     sound.stop();

@@ -290,6 +290,9 @@ def test_a_hand_that_points_chooses_starts_and_stops_a_dance_which_a_camera_that
     browser.execute_script("hand = [0.4, 0.3]")
     time.sleep(1)
     assert not find(browser, "#hands").is_displayed()  # while dancing nothing can be chosen
+    for _ in range(2):  # off and on again: the dance goes on
+        find(browser, "#hands-free").click()
+    assert find(browser, "#start").text == "Stop"
     browser.execute_script("silent = true; tell({ kind: 'away', text: 'plug the camera in' })")
     until(browser, lambda one: find(one, "#guide").text == "plug the camera in")
     assert find(browser, "#start").text == "Stop" and find(browser, "#error").text == ""
