@@ -89,11 +89,9 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     With `beat_s`, a beat of the music in seconds, phrases have eight beats, and delays are given in beats. Hints whose cause
     is among the faults that `kpopnet.dance.diagnosis.diagnose` found are left out.
     """
-    unseen, danced_s = list(_unseen(score)), span(score, slice(None))
-    first, middle = float(score.windows.start_s[0]), score.windows.middle_s
+    unseen, danced_s, middle = list(_unseen(score)), span(score, slice(None)), score.windows.middle_s
     phrase_s = 8 * beat_s if beat_s else PHRASE_S
-    count = math.floor((middle[-1] - first) / phrase_s) + 1
-    phrases_s = [(first + number * phrase_s, first + (number + 1) * phrase_s) for number in range(count)]
+    phrases_s = _phrases_s(score, phrase_s)
     moments, phrases = _moments(score, phrases_s, beat_s), []
     for start_s, end_s in phrases_s:
         inside = score.windows.similarity[(middle >= start_s) & (middle < end_s)]
@@ -116,6 +114,22 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     hints = tuple(text for about, text in _hints(score) if about not in known)
     faults = _gathered(moments, len(middle) * score.scorer.hop_s, beat_s)
     return Feedback(tuple(phrases), tuple(moments), faults, hints, tuple(_praise(score)))
+
+
+def moments_since(score: DanceScore, since_s: float) -> list[Moment]:
+    """The moments that end later than a second of the dance, the costliest first: what is said while it goes on.
+
+    Causes are looked for only in the phrases that end later: with all of them it would take the square of the dance's length.
+    """
+    phrases_s = [one for one in _phrases_s(score, PHRASE_S) if one[1] > since_s]
+    return [one for one in _moments(score, phrases_s, None) if one.end_s > since_s]
+
+
+def _phrases_s(score: DanceScore, phrase_s: float) -> list[tuple[float, float]]:
+    """Begin and end of the phrases of a length."""
+    first = float(score.windows.start_s[0])
+    count = math.floor((score.windows.middle_s[-1] - first) / phrase_s) + 1
+    return [(first + number * phrase_s, first + (number + 1) * phrase_s) for number in range(count)]
 
 
 def _moments(score: DanceScore, phrases_s: list[tuple[float, float]], beat_s: float | None) -> list[Moment]:

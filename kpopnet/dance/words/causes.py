@@ -80,7 +80,7 @@ class Cause(NamedTuple):
 def causes(score: DanceScore, phrases_s: list[tuple[float, float]]) -> Iterator[Cause]:
     """The causes of a dance of phrases that begin and end at given seconds on the teacher's clock."""
     first_s, moved = float(score.windows.start_s[0]), score.dynamics
-    rests = list(_rests(score, first_s))
+    rests, compared = list(_rests(score, first_s)), None
     yield from rests
     for start_s, end_s in phrases_s:
         inside = (score.windows.middle_s >= start_s) & (score.windows.middle_s < end_s) & (score.windows.weight > 0)
@@ -89,7 +89,11 @@ def causes(score: DanceScore, phrases_s: list[tuple[float, float]]) -> Iterator[
             continue
         rows = slice(round((start_s - first_s) * FPS), round((end_s - first_s) * FPS))
         posture = float(np.nanmean(score.windows.posture[inside]))
-        found = _elsewhere(score, rows, posture, inside) if posture <= MAX_POSTURE else None
+        if posture <= MAX_POSTURE:
+            compared = compared or _compared(score)
+            found = _elsewhere(score, compared, rows, posture, inside)
+        else:
+            found = None
         found = found or (_reduced(moved, start_s - first_s, end_s - first_s) if posture <= 100 - MIN_LOSS else None)
         if found:
             yield Cause(start_s, end_s, *found)
@@ -118,14 +122,28 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
             yield Cause(first_s + run.start / FPS, first_s + run.stop / FPS, "late entry" if late else "stood still", text)
 
 
-def _elsewhere(score: DanceScore, rows: slice, posture: float, inside: np.ndarray) -> tuple[str, Said] | None:
+class _Compared(NamedTuple):
+    """Features of the whole dance: the learner's of every frame, the teacher's and its mirror image's of every STRIDE-th."""
+
+    learner: Features
+    teacher: Features
+    mirror: Features
+
+
+def _compared(score: DanceScore) -> _Compared:
+    feature, teacher_m, mirror = score.scorer.feature, score.teacher_m, [-1.0, 1.0, 1.0]
+    teachers = (dance_features(joints_m, feature, FPS) for joints_m in (teacher_m, teacher_m[:, MIRROR] * mirror))
+    return _Compared(dance_features(score.compared_m[1], feature, FPS), *map(_strided, teachers))
+
+
+def _elsewhere(
+    score: DanceScore, compared: _Compared, rows: slice, posture: float, inside: np.ndarray
+) -> tuple[str, Said] | None:
     """Which other part of the dance, or its mirror image, a phrase of frames with (N,) windows inside fits: name and text.
 
     None if it fits neither.
     """
-    feature, teacher_m = score.scorer.feature, score.teacher_m
-    learner = _features(score.compared_m[1], feature, rows)
-    teacher, mirror = (_features(joints_m, feature) for joints_m in (teacher_m, teacher_m[:, MIRROR] * [-1.0, 1.0, 1.0]))
+    learner, teacher, mirror = _strided(compared.learner, rows), compared.teacher, compared.mirror
     first, band, middle = rows.start // STRIDE, round(BAND_S * FPS / STRIDE), len(teacher.angles_rad)
     if not len(learner.angles_rad):
         return None
@@ -147,8 +165,8 @@ def _elsewhere(score: DanceScore, rows: slice, posture: float, inside: np.ndarra
     return None
 
 
-def _features(joints_m: np.ndarray, feature: str, rows: slice = slice(None)) -> Features:
-    return Features(*(np.ascontiguousarray(array[rows][::STRIDE]) for array in dance_features(joints_m, feature, FPS)))
+def _strided(features: Features, rows: slice = slice(None)) -> Features:
+    return Features(*(np.ascontiguousarray(array[rows][::STRIDE]) for array in features))
 
 
 def _mean_distances(learner: Features, teacher: Features, first: int, band: int) -> np.ndarray:

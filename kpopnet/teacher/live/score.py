@@ -37,7 +37,10 @@ ROUNDING_S = 0.02
 PRAISED_FROM = 90.0
 """A move with at least this score is praised: what differs in it may be the estimator's errors."""
 
-WORDS_EVERY_S = 0.25
+WORDS_EVERY_S, WORDS_SHARE = 0.25, 0.1
+"""The words are new every so many seconds, and later where they would take more than this share of the time: longer dances take
+longer, and no image is scored meanwhile."""
+
 BRIDGE_FPS, MAX_BRIDGE_S = 15.0, 0.5
 """A slow machine drops images. Between images less than MAX_BRIDGE_S seconds of the dance apart joints are interpolated at
 BRIDGE_FPS; longer gaps stay gaps."""
@@ -59,7 +62,7 @@ class DanceTry:
         self._images = 0  # while the dance went on, whether the learner was seen or not
         self._seen: list[tuple[float, np.ndarray, np.ndarray]] = []  # times without the latency, joints, confidence
         self._latest: OnlineScore | None = None
-        self._words, self._words_s = "", -math.inf
+        self._words, self._words_due_s = "", -math.inf
         self._next_move = 1
         self._verdict: dict | None = None
         self._ages_ms: list[int] = []
@@ -95,10 +98,12 @@ class DanceTry:
         self._seen.append((time_s - self._config.latency_s, joints_m, confidence))
         self._latest = self._scorer.update(joints_m, time_s, confidence)
         self._score_move()
-        if self._latest is not None and time_s - self._words_s >= WORDS_EVERY_S * self._lesson.speed:
-            self._words_s = time_s
+        if self._latest is not None and time_s >= self._words_due_s:
+            began = time.perf_counter()
             so_far = self._scorer.score_so_far()
             self._words = "" if so_far is None else latest_words(so_far)
+            took_s = time.perf_counter() - began
+            self._words_due_s = time_s + max(WORDS_EVERY_S, took_s / WORDS_SHARE) * self._lesson.speed
 
     def _bridge(self, time_s: float, joints_m: np.ndarray) -> list[tuple[float, np.ndarray]]:
         """Times and joints on straight lines from the last image's to these, where some images were dropped in between."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.dance.feedback import Feedback, feedback
+from kpopnet.dance.feedback import Feedback, feedback, moments_since
 from kpopnet.dance.online import OnlineScore
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.timing import measured_latency_s
@@ -82,15 +82,15 @@ def _delay_words(delay_s: float) -> str:
 def latest_words(score: DanceScore) -> str:
     """What is most wrong in the latest moments of a dance that goes on, "" if nothing is, by `OnlineScorer.score_so_far`."""
     now_s = float(score.windows.middle_s[-1])
-    return next((in_words(one) for one in feedback(score).moments if one.end_s >= now_s - RECENT_S), "")
+    return next((in_words(one) for one in moments_since(score, now_s - RECENT_S)), "")
 
 
 def move_reason(latest: OnlineScore, so_far: DanceScore | None, start_s: float) -> str:
     """What cost most in a move that began at `start_s`: the delay, a moment of `kpopnet.dance.feedback`, or else a part."""
     if abs(latest.delay_s) >= MIN_DELAY_S and latest.timing < latest.posture:
         return _delay_words(latest.delay_s)
-    moments = feedback(so_far).moments if so_far is not None else ()
-    during = [one for one in moments if one.end_s > start_s and (one.part in latest.parts or one.part == "phrase")]
+    moments = moments_since(so_far, start_s) if so_far is not None else ()
+    during = [one for one in moments if one.part in latest.parts or one.part == "phrase"]
     if during:
         return in_words(during[0])
     worst = min(latest.parts, key=lambda part: latest.parts[part], default="")

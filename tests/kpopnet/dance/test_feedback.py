@@ -8,7 +8,7 @@ import pytest
 from dance_learners import ARMS, LEGS, arm_lowered, elbow_bent, hidden, hunched, knee_moved
 from dance_people import FPS, dance_joints_m, mirrored, noisy, performed
 
-from kpopnet.dance.feedback import MOMENTS_PER_PHRASE, feedback
+from kpopnet.dance.feedback import MOMENTS_PER_PHRASE, feedback, moments_since
 from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
@@ -120,6 +120,17 @@ def test_what_costs_most_is_told_first_and_what_is_right_is_praised():
     praise = " ".join(told(learner_m).praise)
     assert "right arm" in praise and "left arm" not in praise and "on time" in praise
     assert not told(made.standing(TEACHER_M)).praise
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_the_latest_moments_are_those_of_the_whole_feedback(name):
+    learner_m = CAUSES[name](TEACHER_M)
+    learner_m[390:450] = elbow_bent(TEACHER_M, "left", 40)[390:450]
+    score = score_dance(performed(TEACHER_M), performed(learner_m))
+    latest, first_s = moments_since(score, 9.0), float(score.windows.start_s[0]) + 8.0  # of the third phrase
+    whole = [one for one in feedback(score).moments if one.start_s >= first_s and one.end_s > 9.0]
+    assert [one for one in latest if one.start_s >= first_s] == whole != []
+    assert all(one.end_s > 9.0 for one in latest)
 
 
 def test_a_fault_is_told_in_words_and_repetitions_are_gathered():

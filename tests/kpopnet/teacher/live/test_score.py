@@ -12,6 +12,7 @@ from kpopnet.pose import PersonPose
 from kpopnet.skeleton import Joint
 from kpopnet.sources.live import Image
 from kpopnet.teacher.library import MOVE_COUNTS
+from kpopnet.teacher.live import score as live_score
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.score import LEAST_S, WAIT_S, Calibration, DanceTry, excerpt, scorer_config
 from synth.dances.live import ON_THE_BEAT, LiveLearner
@@ -57,6 +58,20 @@ def test_a_slow_machine_costs_little_and_is_told(dance, fps, least):
     result = danced(dance, fps, Lesson("dance_001", to_s=6.0))
     assert result["total"] > least and f"only {fps:.0f} images a second" in result["hints"][0]
     assert not any("no person" in hint for hint in result["hints"])
+
+
+@pytest.mark.parametrize(("took_s", "most"), [(0.0, 24), (0.1, 6)])
+def test_words_that_take_long_are_new_less_often(dance, monkeypatch, took_s, most):
+    moments_s = [0.0]
+
+    def words(_) -> str:
+        moments_s.append(moments_s[-1] + took_s)
+        return "late"
+
+    monkeypatch.setattr(live_score, "latest_words", words)
+    monkeypatch.setattr(live_score.time, "perf_counter", lambda: moments_s[-1])
+    danced(dance, 30.0, Lesson("dance_001", to_s=6.0))
+    assert most / 2 < len(moments_s) - 1 <= most
 
 
 @pytest.mark.parametrize(("speed", "late_s"), [(1.0, 0.2), (0.5, 0.4)])
