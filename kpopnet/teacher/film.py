@@ -16,7 +16,6 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
@@ -216,7 +215,7 @@ def make_film(connection: Connection, library: Library, tries: Tries, dance: str
 
     with contextlib.suppress(BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
         try:
-            learner, result = read_performance(tries.path(dance, name, "npz")), tries.result(dance, name)
+            learner, result = tries.joints(dance, name), tries.result(dance, name)
             number, dancers = result.get("dancer", 0), library.dance(dance).dancers
             expect(number in range(len(dancers)), f"{dance}/{name}: dancer", f"one of the {len(dancers)} of the dance")
             path = tries.film_path(dance, name)

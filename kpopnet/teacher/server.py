@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from aiohttp import web
 
-from kpopnet.dance.joint_files.reader import SUFFIXES, read_performance, read_strangers_performance
+from kpopnet.dance.joint_files.reader import SUFFIXES, read_strangers_performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said, keyed
 from kpopnet.runtime.input_files import check_fields, settings_from
@@ -217,7 +217,7 @@ async def movement(request: web.Request) -> web.Response:
 
 
 def _learners_movement(teaching: Teaching, dance: str, name: str) -> Movement:
-    learner = read_performance(teaching.tries.path(dance, name, "npz"))
+    learner = teaching.tries.joints(dance, name)
     return learners_movement(learner, teaching.library.dance(dance).fps, teaching.library.body)
 
 

@@ -13,13 +13,21 @@ from pathlib import Path
 
 import numpy as np
 
+from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_path, claim
-from kpopnet.runtime.input_files import expect, read_json
+from kpopnet.runtime.input_files import ArraySchema, expect, read_json, read_npz
+from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.teacher.library import IDENTITY
 
 NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9]{3}")
 MOST_IN_HISTORY = 200
+JOINTS = {
+    "joints_m": ArraySchema("f", ("frames", NUM_JOINTS, 3)),
+    "times_s": ArraySchema("f", ("frames",)),
+    "confidence": ArraySchema("f", ("frames", NUM_JOINTS)),
+}
+"""Of a try's .npz file."""
 
 
 class Tries:
@@ -76,6 +84,15 @@ class Tries:
         result = read_json(path)
         expect(isinstance(result, dict), str(path), "a saved try")
         return result
+
+    def joints(self, dance: str, name: str) -> Performance:
+        """The learner's joints, of which some may never have been seen; raises as `path`, and for a damaged file."""
+        path = self.path(dance, name, "npz")
+        arrays = read_npz(path, JOINTS)
+        try:
+            return Performance(**arrays)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
 
     def path(self, dance: str, name: str, suffix: str) -> Path:
         """The file of a try; what are no plain names never become a path. Raises InputError if there is none."""

@@ -5,6 +5,7 @@ from functools import partial
 import pytest
 
 from kpopnet.programs.teach import open_source
+from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import Library, TeacherBody, taught_dance
 from synth.body.teacher import teacher_arrays
 from synth.dances.taught import Teacher
@@ -34,9 +35,10 @@ def teaching(library, tmp_path):
 def tried(teaching):
     """Saves a try of the first two seconds of a dance that claims to last longer; its name."""
 
-    def save(seconds: float, speed: float = 1.0, who: str = "") -> str:
+    def save(seconds: float, speed: float = 1.0, who: str = "", unseen: tuple[Joint, ...] = ()) -> str:
         performance = teaching.library.dance("dance_001").performance
-        arrays = {name: getattr(performance, name)[:60] for name in ("times_s", "joints_m", "confidence")}
+        arrays = {name: getattr(performance, name)[:60].copy() for name in ("times_s", "joints_m", "confidence")}
+        arrays["confidence"][:, list(unseen)] = 0.0
         course = {"time_s": [0.5, 1.5], "total": [90.0, None], "parts": {"left arm": [1.0, 2.0]}}
         result = {"dance": "dance_001", "total": 81.5, "speed": speed, "from_s": 0.0, "to_s": seconds, "course": course}
         return teaching.tries.save(result | {"who": who}, arrays)

@@ -21,6 +21,7 @@ from yarl import URL  # noqa: E402
 
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
 from kpopnet.errors import InputError  # noqa: E402
+from kpopnet.skeleton import Joint  # noqa: E402
 from kpopnet.teacher.library import Library  # noqa: E402
 from kpopnet.teacher.pages import MOST_PAGES  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
@@ -244,6 +245,15 @@ def test_saved_tries_are_listed_and_given_as_files_and_a_broken_one_is_left_out(
         path.write_text(await (await client.get(f"{base}.bvh")).text())
         assert len(read_performance(path)) == 59
         assert await (await client.get("/api/history/dance_002")).json() == []
+
+    with_client(teaching, work)
+
+
+def test_a_try_before_a_webcam_that_never_saw_the_feet_is_replayed(teaching, tried):
+    async def work(client):
+        name = tried(2.0, unseen=(Joint.LEFT_FOOT, Joint.RIGHT_FOOT))
+        response = await client.get(f"/api/tries/dance_001/{name}/movement")
+        assert response.status == 200 and (await response.json())["fps"] == 30
 
     with_client(teaching, work)
 
