@@ -111,7 +111,8 @@ class JointKeeper:
         return {"images": len(self._kept), "seconds": round(seconds, 1)}
 
     def start(self) -> None:
-        """Begins to keep joints, unless they are kept already."""
+        """Begins to keep joints, unless they are kept already. Raises OSError where the folder cannot be made."""
+        self._folder.mkdir(parents=True, exist_ok=True)
         self._kept = self._kept if self._kept is not None else []
 
     def add(self, seen: Seen) -> bool:

@@ -233,15 +233,18 @@ def serve_watching(connection: Connection, watching: Watching) -> None:
         connection.send((0, kind, content, attached))
 
     def orders() -> Iterator[tuple]:
+        nonlocal is_over
         while connection.poll():
-            yield connection.recv()
+            order = connection.recv()
+            is_over |= order[0] == "quit"
+            yield order
 
+    is_over, text = False, f"{watching.name} has ended"
     with contextlib.suppress(EOFError, BrokenPipeError):
-        text = f"{watching.name} has ended"
         try:
             Watcher(watching, tell, orders).run()
         except InputError as error:
             text = str(error)
         tell("state", {"paused": False, "recording": False, "keeping": False, "text": text, "ended": True})
-        while connection.recv()[0] != "quit":
-            pass
+        while not is_over:
+            is_over = connection.recv()[0] == "quit"

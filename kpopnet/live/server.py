@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import sys
 import time
 from collections.abc import AsyncIterator
 from functools import partial
@@ -18,8 +19,9 @@ from kpopnet.teacher.pages import Page, close_pages, converse
 from kpopnet.teacher.safety import Keys
 
 MAX_MESSAGE_BYTES = 1024
-END_S, SAVE_S = 2.0, 20.0
-"""How long the process has to end, seconds, and where it has something to save: an hour of two people takes some seconds."""
+END_S, SAVE_S, LAST_S = 2.0, 20.0, 1.0
+"""How long the process has to end, seconds, and where it has something to save: an hour of two people takes some seconds. How
+long its last words, which are on their way then, may take."""
 
 ORDERS = ("record", "joints", "pause")
 
@@ -28,7 +30,7 @@ class Watch:
     """The process that watches, and the pages that look on."""
 
     def __init__(self, watching: Watching) -> None:
-        self._watching = watching
+        self._watching, self._is_over = watching, False
         self._latest: dict[str, tuple] = {}
         self._pages: set[Messages] = set()
 
@@ -43,21 +45,24 @@ class Watch:
             self._tell(kind, content, attached)
             passing_on = asyncio.create_task(self._pass_on())
             yield
-            passing_on.cancel()
         finally:
+            self._is_over = True
             with contextlib.suppress(InputError):
                 self.order("quit")
             _, state, _ = self._latest.get("state", ("", {}, None))
             patience_s = SAVE_S if state.get("keeping") or state.get("recording") else END_S
             await asyncio.to_thread(self._process.end, time.monotonic() + patience_s)
+        await asyncio.wait([passing_on], timeout=LAST_S)
+        passing_on.cancel()
 
     async def _pass_on(self) -> None:
-        while True:
-            kind, content, attached = await self._process.next()
-            if kind == "error":
-                kind, content = "state", {"paused": False, "ended": True} | content
-            self._tell(kind, content, attached)
+        """Passes on what the process says until it has ended; what it says last, as where joints are, no page sees any more."""
+        while (message := await self._process.next())[0] != "error":
+            if message[0] == "said" and self._is_over:
+                print(message[1]["text"], file=sys.stderr)
+            self._tell(*message)
             self._process.want_frame()
+        self._tell("state", {"paused": False, "ended": True} | message[1], None)
 
     def _tell(self, kind: str, content: dict, attached: Any) -> None:
         if kind != "said":
