@@ -282,13 +282,14 @@ def read_npz(path: Path, schemas: dict[str, ArraySchema]) -> dict[str, np.ndarra
     return arrays
 
 
-def read_npy_header(file: IO[bytes], where: str) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Shape, Fortran order and type, not of Python objects, that a .npy stream declares."""
+def read_npy_header(file: IO[bytes], where: str, may_be_objects: bool = False) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, Fortran order and type that a .npy stream declares: not Python objects, unless nothing else of it is read."""
     with parsing(where, "not a readable .npy header"):
         version = np.lib.format.read_magic(file)
         reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
         shape, fortran, dtype = reader(file, max_header_size=10_000)
-    expect(not dtype.hasobject and min(shape, default=0) >= 0, where, f"plain numbers, found {dtype} of shape {shape}")
+    plain = may_be_objects or not dtype.hasobject
+    expect(plain and min(shape, default=0) >= 0, where, f"plain numbers, found {dtype} of shape {shape}")
     return shape, fortran, dtype
 
 

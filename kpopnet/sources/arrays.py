@@ -62,7 +62,9 @@ def read_npz_depth(path: Path, key: str | None) -> Recording:
         for info in archive.infolist():
             if info.filename.endswith(".npy") and not info.flag_bits & 1:
                 with archive.open(info) as member:
-                    shapes[info.filename.removesuffix(".npy")] = read_npy_header(member, f"{path}: {info.filename}")[0]
+                    shape, _, dtype = read_npy_header(member, f"{path}: {info.filename}", may_be_objects=True)
+                if not dtype.hasobject:  # as of a dict of notes beside the depth
+                    shapes[info.filename.removesuffix(".npy")] = shape
     name = _chosen(str(path), shapes, key)
     frames, height, width = shapes[name]
     schemas = {

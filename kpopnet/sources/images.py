@@ -4,6 +4,7 @@ import io
 import re
 import warnings
 from collections.abc import Iterator, Sequence
+from decimal import Decimal
 from itertools import repeat
 from pathlib import Path
 
@@ -64,9 +65,13 @@ def read_images(paths: Sequence[Path], camera_file: Path | None = None, times_s:
     return Recording(images, width, height, len(paths), rate(times_s), camera, lens)
 
 
-def natural(path: Path) -> list[tuple[int, int | str]]:
+NUMBERS = re.compile(r"((?<![0-9])[0-9]{9,10}\.[0-9]+|[0-9]+)")
+"""Numbers in a name: seconds since 1970 with a fraction, as of time.time(), and whole ones."""
+
+
+def natural(path: Path) -> list[tuple[int, Decimal | str]]:
     """A key that orders names by the numbers in them."""
-    return [(0, int(part)) if part.isdecimal() else (1, part) for part in re.split(r"([0-9]+)", path.name)]
+    return [(0, Decimal(part)) if part[:1].isdecimal() else (1, part) for part in NUMBERS.split(path.name)]
 
 
 def read_image(source: Path | io.BytesIO, where: str = "", modes: Sequence[str] = DEPTH_MODES) -> np.ndarray:
@@ -81,6 +86,8 @@ def read_image(source: Path | io.BytesIO, where: str = "", modes: Sequence[str] 
 
 def _unpacked(where: str, image: Image.Image, modes: Sequence[str]) -> np.ndarray:
     check_size(where, *image.size)
+    if (pages := getattr(image, "n_frames", 1)) > 1:
+        raise InputError(f"{where}: {pages} images in one file; expected one in each: save every page as a file of its own")
     if image.mode not in modes:
         raise InputError(
             f"{where}: an image of Pillow's mode {image.mode}; expected depth of one channel: 16-bit millimetres, or "

@@ -13,6 +13,7 @@ and after it, for each image and without gaps:
 all little-endian. A file of the same bytes is a recording, whose name ends with .depth.
 """
 
+import math
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -80,21 +81,24 @@ def read_recording(path: Path) -> Recording:
         frames = (path.stat().st_size - begin) // size
         expect(frames > 0, str(path), "images after its first line")
         times_s = []
-        for number in (0, frames - 1):
+        for number in range(frames):
             file.seek(begin + number * size)
             times_s.append(HEAD.unpack(file.read(HEAD.size))[0])
-    lasts_s = times_s[1] - times_s[0]
+    known = [number for number, time_s in enumerate(times_s) if math.isfinite(time_s)]
+    lasts_s = times_s[known[-1]] - times_s[known[0]] if known else 0.0
     camera, lens = header.optics
-    fps = (frames - 1) / lasts_s if lasts_s > 0 else None
-    return Recording(lambda: _images(path), camera.width, camera.height, frames, fps, camera, lens)
+    fps = (known[-1] - known[0]) / lasts_s if lasts_s > 0 else None
+    has_clock = len(known) == frames
+    return Recording(lambda: _images(path, has_clock), camera.width, camera.height, frames, fps, camera, lens)
 
 
-def _images(path: Path) -> Iterator[StoredImage]:
+def _images(path: Path, has_clock: bool) -> Iterator[StoredImage]:
+    """The images, at their times since the first; at none where the time of some is not known: the rate tells them all."""
     with path.open("rb") as file:
         header, number, first_s = parsed_header(file.readline(LINE_BYTES), str(path)), 0, None
         while (image := header.read(file, f"{path}: image {number}")) is not None:
             if image.time_s is not None:  # of any clock
                 first_s = image.time_s if first_s is None else first_s
-                image = image._replace(time_s=image.time_s - first_s)
+                image = image._replace(time_s=image.time_s - first_s if has_clock else None)
             yield image
             number += 1

@@ -1,6 +1,7 @@
 """Depth that another program sends: in a file, through sockets and through standard input; it ends, comes back, and lies."""
 
 import contextlib
+import math
 import os
 import socket
 import threading
@@ -103,6 +104,10 @@ def test_a_file_gives_what_was_sent(tmp_path):
     at_s = [1.7e9 + k / FPS for k in range(len(IMAGES))]  # of the day's clock
     (tmp_path / "c.depth").write_bytes(sent_line() + b"".join(map(sent_image, IMAGES, at_s)))
     times_s = [one.time_s for one in open_depth(tmp_path / "c.depth").timed()]
+    assert times_s == pytest.approx([k / FPS for k in range(len(IMAGES))], abs=1e-6)
+    at_s[0] = at_s[3] = math.nan  # not known: the rate of the others tells them all
+    (tmp_path / "d.depth").write_bytes(sent_line() + b"".join(map(sent_image, IMAGES, at_s)))
+    times_s = [one.time_s for one in open_depth(tmp_path / "d.depth").timed()]
     assert times_s == pytest.approx([k / FPS for k in range(len(IMAGES))], abs=1e-6)
 
 

@@ -62,6 +62,20 @@ def test_tiff_npy_and_single_images_take_the_camera_given(tmp_path):
         np.testing.assert_array_equal(read(tmp_path / name, CAMERA)[1], expected)
 
 
+def test_images_named_by_the_seconds_since_1970_are_in_the_order_of_time(tmp_path):
+    (tmp_path / "images").mkdir()
+    for k, image in enumerate(MILLIMETRES):
+        Image.fromarray(image).save(tmp_path / "images" / f"{1700000000 + k / 4}.png")  # .0, .25, .5, .75
+    np.testing.assert_array_equal(read(tmp_path / "images", CAMERA)[1], METRES)
+
+
+def test_a_stack_of_images_in_one_file_is_refused(tmp_path):
+    first, *others = map(Image.fromarray, MILLIMETRES)
+    first.save(tmp_path / "stack.tif", save_all=True, append_images=others)
+    with pytest.raises(InputError, match=rf"stack\.tif: {len(METRES)} images in one file"):
+        open_depth(tmp_path / "stack.tif", CAMERA)
+
+
 def test_a_pgm_of_any_greatest_value_keeps_its_millimetres(tmp_path):
     height, width = MILLIMETRES.shape[1:]
     for greatest in (10_000, 65_535):
@@ -141,7 +155,8 @@ def test_the_camera_comes_from_a_preset_a_file_an_angle_or_a_focal_length(tmp_pa
 
 def test_the_array_is_the_named_one_the_known_one_or_the_only_one(tmp_path):
     other = np.ones((len(METRES), 48, 64), np.float32)
-    np.savez(tmp_path / "a.npz", depth_m=METRES, infrared=other, joints=np.zeros((12, 15, 3)))
+    notes = np.array({"subject": 3}, object)
+    np.savez(tmp_path / "a.npz", depth_m=METRES, infrared=other, joints=np.zeros((12, 15, 3)), notes=notes)
     np.testing.assert_array_equal(read(tmp_path / "a.npz", CAMERA)[1], METRES)
     np.testing.assert_array_equal(read(tmp_path / "a.npz", CAMERA, key="infrared")[1], other)
     with h5py.File(tmp_path / "b.h5", "w") as file:
