@@ -152,11 +152,11 @@ def main() -> None:
         for number, name in itertools.product(range(1, MAX_PEOPLE + 1), FORMATS):  # of another recording
             joints_path(given.out, number, name).unlink(missing_ok=True)
         (given.out / "overlay.gif").unlink(missing_ok=True)
+        written = write_joints(people, times_s, given.out, given.format)  # before the pictures, which may be interrupted
         pictures = draw(source, people, times_s, given.out, given.gif)
         if not people:
             hint = "" if given.segmented else ", or try --segmented if the depth shows one person only"
             raise InputError(f"{given.path}: no person was found; look at {given.out / 'overlay.png'}{hint}")
-        written = write_joints(people, times_s, given.out, given.format)
     if not source.fps_is_known:
         print(f"the recording states no frame rate: {source.fps:g} images a second assumed; give the true one with --fps")
     for number, person in enumerate(people, 1):

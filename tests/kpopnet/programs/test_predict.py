@@ -91,6 +91,13 @@ def test_an_empty_room_is_told_and_shown_and_no_file_of_another_recording_stays(
     assert {path.name for path in (tmp_path / "out").iterdir()} == written | {"joints_mine.npz", "depth.npz"}
 
 
+def test_joints_are_kept_where_the_pictures_cannot_be_made(predict, tmp_path):
+    np.save(tmp_path / "a.npy", recording())
+    (tmp_path / "out" / "overlay.png").mkdir(parents=True)
+    predict(tmp_path / "a.npy", *CAMERA_WORDS, "--format", "npz", fails=True)
+    assert np.load(tmp_path / "out" / "joints.npz")["joints_m"].shape == (FRAMES, 15, 3)
+
+
 def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(predict, tmp_path):
     images = np.zeros((2, 240, 320), np.uint16)
     images[:, 60:200, 140:180] = 2500
