@@ -185,13 +185,16 @@ class Collected:
 
 def warm_up(source: DepthSource, estimator: PoseEstimator) -> None:
     """Compiles what the estimator needs, with images of somebody who stands still, and has it forget them."""
-    steady, begin_s = 0, step_s("stand still")[0]
-    seen = itertools.dropwhile(lambda image: image.time_s < begin_s, source.timed())
-    for time_s, depth_m in itertools.islice(seen, MOST_WARM):
+    steady, warm, first_s, begin_s = 0, 0, None, step_s("stand still")[0]
+    for time_s, depth_m in source.timed():
+        first_s = time_s if first_s is None else first_s  # of any clock
+        if time_s - first_s < begin_s:
+            continue
+        warm += 1
         before = time.monotonic()
         people = estimator.update(depth_m, source.camera, time_s)
         steady = steady + 1 if people and time.monotonic() - before < STEADY_S else 0
-        if steady == STEADY_FRAMES:
+        if steady == STEADY_FRAMES or warm == MOST_WARM:
             break
     estimator.reset()
 

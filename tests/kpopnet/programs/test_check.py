@@ -87,6 +87,22 @@ def test_without_truth_whoever_stands_before_the_empty_room_is_in_view(check, ch
     assert 15 < float(unknown["time for which the room was empty"].split()[0]) < 18
 
 
+@pytest.mark.parametrize("begins_s", [0.0, 5000.0])
+def test_who_stands_still_warms_up_whatever_the_clock_of_the_recording(begins_s):
+    watched_s = []
+
+    class Watching(Estimator):
+        def update(self, depth_m: np.ndarray, camera: Camera, time_s: float | None = None) -> list[PersonPose]:
+            watched_s.append(time_s - begins_s)
+            return super().update(depth_m, camera, time_s)
+
+    images = [SimpleNamespace(time_s=begins_s + k / FPS, depth_m=np.full((4, 4), 2.0)) for k in range(60)]
+    source = SimpleNamespace(camera=None, timed=lambda: ((one.time_s, one.depth_m) for one in images))
+    kpopnet.programs.check.warm_up(source, Watching())
+    begin_s, end_s = kpopnet.programs.check.step_s("stand still")
+    assert watched_s and begin_s <= watched_s[0] and watched_s[-1] < end_s
+
+
 def test_recordings_that_cannot_be_checked_are_one_line(check, cheap, film, tmp_path):
     short = write_npz(tmp_path / "short.npz", depth_mm(90), fps=30)
     assert "short.npz: 90 images of 3.0 s; the script takes 60 s" in check(short, "--as-fast", fails=True)
