@@ -25,6 +25,8 @@ def test_a_model_is_trained_and_judged(place):
     done = run_program("train.py", place, "--config-name", "tree_walk", "out=model", *SHORT)
     assert done.returncode == 0, done.stderr
     assert "% within 10 cm on validation people" in done.stdout + done.stderr
+    again = run_program("train.py", place, "--config-name", "tree_walk", "out=model", "seed=3", *SHORT)
+    assert again.returncode == 1 and "model: holds a model; give another folder" in again.stderr
     meta = json.loads((place / "model" / "meta.json").read_text())
     assert meta["config"]["tree_walk"]["images"] == 40 and meta["config"]["sensor"]["name"] == "kinect_v1"
     assert set(meta["metrics"]["within_10cm_per_joint"]) == set(meta["joint_names"])

@@ -34,6 +34,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig
 from kpopnet.baselines.tree_walk.training import train as train_tree_walk
+from kpopnet.baselines.tree_walk.walking import META
 from kpopnet.data.made_sets import check_others
 from kpopnet.data.observation import JoinedSources, ObservationSource
 from kpopnet.data.person_crops import PersonCrops
@@ -201,6 +202,8 @@ def run_network_training(config: NetworkTrainingConfig) -> None:
 def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:
     source, validation, data = config.observed()
     with locked(config.out):  # another folder than Hydra's, if both are given
+        if (Path(config.out) / META).exists():
+            raise InputError(f"{config.out}: holds a model; give another folder (out=...), or delete it")
         model, metrics = train_tree_walk(
             config.tree_walk, source, validation, config.seed, bounded_processes(config.workers, "workers")
         )

@@ -25,6 +25,7 @@ from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.data.cube import crop, person_cubes
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
+from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.input_files import ArraySchema, check_array, check_fields, expect, read_json, read_with
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import BONES, JOINT_NAMES, NUM_JOINTS, Joint
@@ -172,10 +173,12 @@ class TreeWalkModel:
     def save(self, folder: Path, described: dict) -> None:
         """Writes trees.safetensors and meta.json, with configuration, data and metrics (`described`, JSON types)."""
         folder.mkdir(parents=True, exist_ok=True)
-        save_file({name: np.ascontiguousarray(array) for name, array in self.trees._asdict().items()}, folder / TREES)
+        with atomic_path(folder / TREES) as part:
+            save_file({name: np.ascontiguousarray(array) for name, array in self.trees._asdict().items()}, part)
         made = {"git": git_revision(), "packages": {name: version(name) for name in ("numba", "numpy", "safetensors")}}
         kind = {"format": FORMAT, "version": VERSION, "crop_px": self.crop_px, "half_size_m": HALF_SIZE_M}
-        (folder / META).write_text(json.dumps(kind | described | {"joint_names": JOINT_NAMES} | made, indent=2) + "\n")
+        with atomic_path(folder / META) as part:
+            part.write_text(json.dumps(kind | described | {"joint_names": JOINT_NAMES} | made, indent=2) + "\n")
 
     @classmethod
     def load(cls, folder: Path | str) -> "TreeWalkModel":
