@@ -160,6 +160,7 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
         arguments.check_not_given(given, (*arguments.OF_DEPTH, "joint_map"), f"for recordings; {path} is a folder of dances")
         expect(given.people == 1, "--people", f"a recording of depth; {path} is a folder of dances")
     if len(teachers) > 1:
+        expect(given.title is None, "--title", f"one dance; {path} holds {len(teachers)}, which keep their names")
         return {name: [performance] for name, performance in teachers.items()}
     if teachers:
         ((name, performance),) = teachers.items()

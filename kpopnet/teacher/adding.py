@@ -23,7 +23,7 @@ FPS = 30.0
 MIN_S = 5.0
 USUAL_BPM = 120.0
 
-JOINT_ARRAYS = ("joints_m.npy", "keypoints3d.npy", "points.npy", "poses.npy")
+JOINT_ARRAYS = ("joints_m.npy", "keypoints3d.npy", "keypoints3d_optim.npy", "points.npy", "poses.npy")
 """Members of an .npz file that make it a recording of joints."""
 
 NOT_DEPTH = (*JOINT_SUFFIXES, ".pkl", ".pickle")

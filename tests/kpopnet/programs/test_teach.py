@@ -76,7 +76,8 @@ def test_a_folder_of_dances_is_added(run, tmp_path, danced):
     performance = danced.performance
     for name in ("alpha", "beta"):
         write_dance(tmp_path / "set", name, performance, {"best": performance, "worst": performance})
-    told = run("add", tmp_path / "set", "--title", "not for two", "--from", 1, "--to", 8.5)
+    assert "--title: " in run("add", tmp_path / "set", "--title", "not for two", fails=True)
+    told = run("add", tmp_path / "set", "--from", 1, "--to", 8.5)
     library = teach.made_library(tmp_path / "teach")
     assert "added alpha as own_001" in told and "added beta as own_002" in told
     assert library.about("own_002").seconds == pytest.approx(7.5, abs=0.05)

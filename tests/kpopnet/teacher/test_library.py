@@ -53,6 +53,8 @@ def test_depth_and_joints_are_told_apart(tmp_path):
     np.savez(tmp_path / "depth.npz", depth_mm=np.zeros((1, 2, 2), np.uint16))
     np.savez(tmp_path / "joints.npz", joints_m=np.zeros((1, 15, 3)), times_s=np.zeros(1))
     assert holds_depth(tmp_path / "depth.npz") and not holds_depth(tmp_path / "joints.npz")
+    np.savez(tmp_path / "aist.npz", keypoints3d_optim=np.zeros((2, 17, 3)))
+    assert not holds_depth(tmp_path / "aist.npz")
     assert holds_depth(tmp_path) and holds_depth(tmp_path / "dance.bag") and not holds_depth(tmp_path / "dance.BVH")
     whole = (tmp_path / "joints.npz").read_bytes()
     directory = whole.rindex(b"PK\x01\x02")
