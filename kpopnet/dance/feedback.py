@@ -34,6 +34,9 @@ from kpopnet.languages import Said
 
 MOMENTS_PER_PHRASE = 3
 
+LEAST_WEIGHT = 0.5
+"""Of the windows of a phrase together, below which it has no score: the teacher stands."""
+
 MIN_TEMPO_DIFFERENCE = 0.03
 THROUGHOUT = 0.7
 """Fraction of the dance from which on a fault is called constant."""
@@ -54,7 +57,7 @@ class Phrase:
 
     start_s: float
     end_s: float
-    similarity: float | None  # of its windows, None where nothing could be compared
+    similarity: float | None  # of its windows, None where nothing could be compared, or the teacher hardly moves
     unseen: tuple[str, ...]  # who or what was not in the picture, in words
     moments: tuple[Moment, ...]  # the worst ones, the worst first; what their `text` says of the time is about the phrase alone
 
@@ -94,8 +97,9 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     phrases_s = _phrases_s(score, phrase_s)
     moments, phrases = _moments(score, phrases_s, beat_s), []
     for start_s, end_s in phrases_s:
-        inside = score.windows.similarity[(middle >= start_s) & (middle < end_s)]
-        similarity = float(np.nanmean(inside)) if np.isfinite(inside).any() else None
+        known = (middle >= start_s) & (middle < end_s) & np.isfinite(score.windows.similarity)
+        similarity, weight = score.windows.similarity[known], score.windows.weight[known]
+        total = float(np.average(similarity, weights=weight)) if weight.sum() >= LEAST_WEIGHT else None
         # Windows show a phrase's ends less than its middle: the first begins half a window after the dance.
         shown_s = max(start_s, danced_s[0]), min(end_s, danced_s[1])
         common_s = [(min(one.end_s, end_s) - max(one.start_s, start_s), one) for one in moments]
@@ -109,7 +113,7 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
             for who, begin_s, stop_s in unseen
             if begin_s < end_s and stop_s > start_s
         )
-        phrases.append(Phrase(start_s, end_s, similarity, tuple(hidden), tuple(worst)[:MOMENTS_PER_PHRASE]))
+        phrases.append(Phrase(start_s, end_s, total, tuple(hidden), tuple(worst)[:MOMENTS_PER_PHRASE]))
     known = {one.about for one in recording}
     hints = tuple(text for about, text in _hints(score) if about not in known)
     faults = _gathered(moments, len(middle) * score.scorer.hop_s, beat_s)

@@ -122,6 +122,15 @@ def test_what_costs_most_is_told_first_and_what_is_right_is_praised():
     assert not told(made.standing(TEACHER_M)).praise
 
 
+def test_a_phrase_counts_as_the_dance_does_where_the_teacher_moves():
+    teacher_m = TEACHER_M.copy()
+    teacher_m[:150] = teacher_m[150]  # stands for five seconds, while the learner warms up
+    score = score_dance(performed(teacher_m), performed(TEACHER_M))
+    first, second, *others = feedback(score).phrases
+    assert first.similarity is None and second.similarity < 90 < score.similarity  # its first windows begin before
+    assert all(one.similarity > 98 for one in others)
+
+
 @pytest.mark.parametrize("name", CAUSES)
 def test_the_latest_moments_are_those_of_the_whole_feedback(name):
     learner_m = CAUSES[name](TEACHER_M)
