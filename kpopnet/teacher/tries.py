@@ -50,11 +50,11 @@ class Tries:
 
     def history(self, dance: str, who: str = "") -> list[dict]:
         """The latest tries of a dance by a profile, "" for those of none, the newest first: their dance, name, total, speed,
-        excerpt, source and the totals of their phrases.
+        excerpt, source, whom of a group they danced, and the totals of their phrases.
         """
         if not IDENTITY.fullmatch(dance):
             raise InputError("there is no such dance")
-        keys = ("dance", "session", "total", "speed", "from_s", "to_s", "source", "skill")
+        keys = ("dance", "session", "total", "speed", "from_s", "to_s", "source", "skill", "dancer")
         shown = []
         for one in itertools.islice(self._results(dance, who), MOST_IN_HISTORY):
             phrases = [{key: phrase.get(key) for key in ("start_s", "total")} for phrase in one.get("phrases", [])]

@@ -46,7 +46,7 @@ async function byHand(place, identity) {
   const [dances, { sources }] = await Promise.all([ask("/api/dances"), ask("/api/offer")]), go = (where) => () => { location.hash = where; };
   if (!place.isConnected) return () => {};
   letChoose([
-    { id: "again", text: say("Dance again"), act: go(`#/dance/${identity}?go`) },
+    { id: "again", text: say("Dance again"), act: go(`${place.querySelector("#again").hash}&go`) },
     { id: "next", text: say("Next dance"), act: go(`#/dance/${after(inOrder(dances), identity).identity}`) },
     { id: "menu", text: say("To the dances"), act: go("#/") },
   ]);

@@ -55,15 +55,17 @@ export function weekPlan(dances, now) {
   const latest = new Map(), today = Date.UTC(now.getFullYear(), now.getMonth(), now.getDate());
   for (const dance of dances) {
     const { identity, name } = dance;
-    for (const { session, phrases } of dance.tries) { // the newest first
+    for (const { session, phrases, dancer } of dance.tries) { // the newest first
       if (today - day(session) > RECENT_DAYS * DAY_MS) continue;
       for (const { start_s, total } of phrases) {
-        const phrase = phraseAt(start_s, dance), key = `${identity}/${phrase}`;
-        if (total !== null && practisable(phrase, dance) && !latest.has(key)) latest.set(key, { identity, name, phrase, total });
+        const phrase = phraseAt(start_s, dance), key = `${identity}/${phrase}/${dancer || 0}`;
+        if (total !== null && practisable(phrase, dance) && !latest.has(key)) latest.set(key, { identity, name, phrase, total, dancer });
       }
     }
   }
   const weak = [...latest.values()].filter(({ total }) => Math.round(total) < GOAL).sort((a, b) => a.total - b.total).slice(0, PLANNED);
-  return weak.map(({ identity, name, phrase, total }) =>
-    ({ text: say("{name}, phrase {number} ({total} of 100)", { name, number: phrase + 1, total: Math.round(total) }), href: practiseAddress(identity, phrase) }));
+  return weak.map(({ identity, name, phrase, total, dancer }) => ({
+    text: say("{name}, phrase {number} ({total} of 100)", { name, number: phrase + 1, total: Math.round(total) }),
+    href: practiseAddress(identity, phrase, dancer ? `&dancer=${dancer}` : ""),
+  }));
 }

@@ -25,7 +25,7 @@ export async function result(main, identity, name) {
     el("h2", {}, say("Your tries")), historyTable(history, identity, name),
     el("p", {}, say("Save as"), " ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
       ...filming.nodes),
-    el("p", {}, el("a", { href: `#/dance/${identity}` }, say("Dance again"))),
+    el("p", {}, el("a", { id: "again", href: `#/dance/${identity}?dancer=${found.dancer || 0}` }, say("Dance again"))),
   );
   return () => {
     filming.stop();

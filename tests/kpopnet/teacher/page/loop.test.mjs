@@ -56,4 +56,6 @@ test("the week's plan holds the three worst phrases of late, by their latest try
   assert.ok(plan[1].href.startsWith("#/dance/a?phrase=1&practise="));
   assert.deepEqual(weekPlan([dance("d", one("20260302-120000-000", 79.6, 79.4))], new Date(2026, 2, 3)).map(({ text }) => text),
     ["d, phrase 2 (79 of 100)"]); // 79.6 is shown as 80, the goal
+  const third = { ...one("20260301-120000-000", 20), dancer: 2 }, first = { ...one("20260302-120000-000", 90), dancer: 0 };
+  assert.deepEqual(weekPlan([dance("group", first, third)], new Date(2026, 2, 3)).map(({ href }) => href.split("&").at(-1)), ["dancer=2"]);
 });
