@@ -93,8 +93,8 @@ export async function record(main) {
     told.textContent = count.textContent = "";
     failed.textContent = message;
     state.seconds = state.frames.length ? state.frames.at(-1)[0] : 0;
-    if (message || !state.frames.length) return;
-    if (state.seconds < LEAST_S) failed.textContent = say("a lesson lasts at least {least} s; you were seen up to second {seconds}",
+    if (!state.frames.length) return;
+    if (state.seconds < LEAST_S) failed.textContent ||= say("a lesson lasts at least {least} s; you were seen up to second {seconds}",
       { least: LEAST_S, seconds: state.seconds.toFixed(1) });
     else {
       const beats = Math.floor(state.seconds / state.beat_s);
