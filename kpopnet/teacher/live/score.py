@@ -23,7 +23,7 @@ from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources.live import Image
 from kpopnet.teacher.library import MOVE_COUNTS, TaughtDance
 from kpopnet.teacher.live.lesson import CALIBRATION_BEAT_S, DanceClock, Lesson
-from kpopnet.teacher.live.words import latest_words, move_reason, rounded, try_result, where_to_stand
+from kpopnet.teacher.live.words import exchanged, latest_words, move_reason, rounded, try_result, where_to_stand
 
 WAIT_S = 0.05
 """Seconds of real time from a move's end to the image with which it is scored: smoothing needs a few images after the end."""
@@ -153,6 +153,7 @@ class DanceTry:
             uvz = camera.project(person.joints_camera_m) / [camera.width, camera.height, 1.0]
             points = [[rounded(value, 3) for value in point] for point in np.column_stack([uvz, person.confidence])]
         latest = self._latest if clock.running else None
+        parts, own = (latest.parts if latest else {}), (exchanged if latest and latest.mirrored else str)
         age_s = time.monotonic() - image.taken
         self._ages_ms.append(round(1000 * age_s))
         return {
@@ -163,7 +164,7 @@ class DanceTry:
             "total": rounded(latest.similarity, 3) if latest else None,
             "so_far": rounded(latest.so_far, 3) if latest else None,
             "delay_s": rounded(latest.delay_s, 3) if latest else None,
-            "parts": {name: rounded(value, 3) for name, value in latest.parts.items()} if latest else {},
+            "parts": {own(name): rounded(value, 3) for name, value in parts.items()},
             "taken_ms": round(1000 * (time.time() - age_s), 1),  # of the wall clock, as the page's
         }
 

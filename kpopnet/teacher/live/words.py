@@ -1,6 +1,7 @@
 """What the page shows in words: where to stand, what is going wrong just now, why a move is not better, and the result."""
 
 import math
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -60,13 +61,19 @@ def where_to_stand(person: PersonPose | None, camera: Camera) -> str:
     return "move to your right" if np.nanmax(u) > right else ""
 
 
-def in_words(moment: Moment) -> str:
-    """A moment in few words: "left arm too low", "a little late"."""
+def exchanged(name: str) -> str:
+    """A name or a direction with left and right exchanged: the own one of a learner who is compared as in a mirror."""
+    return re.sub(r"\b(left|right)\b", lambda side: "right" if side[0] == "left" else "left", name)
+
+
+def in_words(moment: Moment, mirrored: bool = False) -> str:
+    """A moment in few words: "left arm too low", "a little late". Left is the learner's own, of a `mirrored` score too."""
     if moment.part == "timing":
         return _delay_words(moment.delay_s)
     if moment.part == "phrase":
         return CAUSES[moment.direction]
-    return Said("{part} {direction}", part=_body_part(moment.part), direction=Said(moment.direction))
+    part, direction = (exchanged(one) if mirrored else one for one in (moment.part, moment.direction))
+    return Said("{part} {direction}", part=_body_part(part), direction=Said(direction))
 
 
 def _body_part(part: str) -> Said:
@@ -82,7 +89,7 @@ def _delay_words(delay_s: float) -> str:
 def latest_words(score: DanceScore) -> str:
     """What is most wrong in the latest moments of a dance that goes on, "" if nothing is, by `OnlineScorer.score_so_far`."""
     now_s = float(score.windows.middle_s[-1])
-    return next((in_words(one) for one in moments_since(score, now_s - RECENT_S)), "")
+    return next((in_words(one, score.mirrored) for one in moments_since(score, now_s - RECENT_S)), "")
 
 
 def move_reason(latest: OnlineScore, so_far: DanceScore | None, start_s: float) -> str:
@@ -92,9 +99,10 @@ def move_reason(latest: OnlineScore, so_far: DanceScore | None, start_s: float) 
     moments = moments_since(so_far, start_s) if so_far is not None else ()
     during = [one for one in moments if one.part in latest.parts or one.part == "phrase"]
     if during:
-        return in_words(during[0])
+        return in_words(during[0], latest.mirrored)
     worst = min(latest.parts, key=lambda part: latest.parts[part], default="")
-    return Said("{part} not as shown", part=_body_part(worst)) if worst else Said("no person seen")
+    own = exchanged(worst) if latest.mirrored else worst
+    return Said("{part} not as shown", part=_body_part(own)) if worst else Said("no person seen")
 
 
 def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: dict) -> dict:

@@ -9,7 +9,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.pose import PersonPose
-from kpopnet.skeleton import Joint
+from kpopnet.skeleton import MIRROR, Joint
 from kpopnet.sources.live import Image
 from kpopnet.teacher.library import MOVE_COUNTS
 from kpopnet.teacher.live import score as live_score
@@ -109,6 +109,20 @@ def test_in_a_mirror_left_is_left_and_on_a_stage_both_are_right():
     assert scorer_config(Lesson("d"), "none").mirrored == "false"
     config = scorer_config(Lesson("d", mirrored=False, latency_s=0.2, speed=0.5), "none")
     assert config.mirrored == "auto" and config.latency_s == pytest.approx(0.1) and SCORERS["dance22"].latency_s == 0
+
+
+def test_who_mirrors_a_teacher_on_a_stage_is_told_of_their_own_sides(dance):
+    mirrored_m = dance.joints_m[:, MIRROR] * np.array([-1.0, 1, 1], np.float32)
+    mirrored_m[:, Joint.LEFT_ELBOW] = mirrored_m[:, Joint.LEFT_SHOULDER] + [0.02, 0.28, 0]  # their left arm hangs
+    mirrored_m[:, Joint.LEFT_HAND] = mirrored_m[:, Joint.LEFT_ELBOW] + [0.02, 0.25, 0]
+    one, clock, words = DanceTry(Lesson("dance_001", to_s=8.0, mirrored=False), dance, "none"), AtOnce(), set()
+    for taken in np.arange(0.0, 8.0, 1 / 15):
+        image, person = Image(DEPTH_M, float(taken)), seen(mirrored_m[round(taken * 30)])
+        one.score(clock, image, person)
+        words |= {one.shown(clock, image, person, CAMERA)["words"], (one.next_verdict(clock) or {"words": ""})["words"]}
+    shown = one.shown(clock, image, person, CAMERA)
+    assert shown["parts"]["left arm"] < 50 < 90 < shown["parts"]["right arm"]
+    assert any(text.startswith("left arm") for text in words) and not any("right arm" in text for text in words)
 
 
 def verdicts(dance, learner: Performance, seconds: float = 6.5) -> list[tuple[float, dict]]:
