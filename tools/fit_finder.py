@@ -27,7 +27,6 @@ from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import Joint
-from kpopnet.weights import shipped_finder
 
 NEAR_M, LEAST_SHOWN = 0.3, 0.5
 THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -72,7 +71,7 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, help="a finder's weights; otherwise those that come with the package")
     parser.add_argument("--out", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
-    network, images = open_finder(str(given.weights or shipped_finder())), RoomImages(given.images)
+    network, images = open_finder(given.weights and str(given.weights)), RoomImages(given.images)
     features, right, wanted = [], [], 0
     for number in tqdm(range(len(images)), "images", disable=None):
         people = people_of(network, images[number])

@@ -40,7 +40,7 @@ from kpopnet.networks.over_time import OverTime
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 
-FINDER = "finder.onnx"
+FINDER, FINDER_GRAPH = "finder.safetensors", "finder_graph.onnx"
 OVER_TIME = "over_time_causal.safetensors", "over_time_future.safetensors"
 
 
@@ -60,27 +60,32 @@ def ship(checkpoint: Path, folder: Path) -> None:
             (Path(place) / name).write_bytes(content)
         whole = Path(place) / GRAPH
         export_network(*load_network(place), whole)  # with the biases of filters in float16
-        files[GRAPH] = without_filters(whole, set(filters(Path(place) / WEIGHTS)))
+        files[GRAPH] = without_filters(whole.read_bytes(), Path(place) / WEIGHTS)
     _write(folder, "SHA256", files)
 
 
-def without_filters(path: Path, names: set[str]) -> bytes:
-    """An ONNX file without the values of some of its tensors, which must be there."""
+def without_filters(content: bytes, weights: Path) -> bytes:
+    """An ONNX file without those of its tensors that are made of a file of weights, all of which must be there."""
     import onnx
 
-    model = onnx.load(path)
+    model, names = onnx.load_from_string(content), set(filters(weights))
     assert names <= {tensor.name for tensor in model.graph.initializer}, names
     for tensor in model.graph.initializer:
         if tensor.name in names:
             tensor.ClearField("raw_data")
             tensor.data_location = onnx.TensorProto.EXTERNAL
-            tensor.external_data.add(key="location", value=WEIGHTS)
+            tensor.external_data.add(key="location", value=weights.name)
     return model.SerializeToString()
 
 
 def ship_finder(weights: Path, folder: Path) -> None:
-    """Writes a finder as an ONNX file, and its digest, into such a folder; raises InputError for damaged weights."""
-    _write(folder, "FINDER_SHA256", {FINDER: export_finder(load_finder(weights))})
+    """Writes a finder, and its digests, into such a folder; raises InputError for damaged weights."""
+    files = {FINDER: _halved(load_finder(weights), weights)}
+    with tempfile.TemporaryDirectory() as place:
+        stored = Path(place) / FINDER
+        stored.write_bytes(files[FINDER])
+        files[FINDER_GRAPH] = without_filters(export_finder(load_finder(stored)), stored)
+    _write(folder, "FINDER_SHA256", files)
 
 
 def ship_over_time(causal: Path, future: Path, folder: Path) -> None:
@@ -151,7 +156,7 @@ def main() -> None:
         return
     if given.checkpoint.suffix == ".safetensors":
         ship_finder(given.checkpoint, given.out)
-        print(f"{FINDER}: {(given.out / FINDER).stat().st_size:,} bytes")
+        print("; ".join(f"{name}: {(given.out / name).stat().st_size:,} bytes" for name in (FINDER, FINDER_GRAPH)))
         return
     if given.set is None:
         parser.error("a network needs --set")

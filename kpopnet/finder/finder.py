@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
@@ -10,18 +9,9 @@ from kpopnet.camera import Camera, check_camera, depth_in_metres
 from kpopnet.data.canvas import STRIDE, Reduced, reduced
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.following import FRAME_S, UNKNOWN, Followed
-from kpopnet.finder.people import (
-    INPUTS,
-    OUTPUT_NAMES,
-    PROBLEM,
-    Cells,
-    Network,
-    certainty,
-    gather_people,
-    pixel_owners,
-)
+from kpopnet.finder.people import INPUTS, OUTPUT_NAMES, Cells, Network, certainty, gather_people, pixel_owners
 from kpopnet.human import Human
-from kpopnet.runtime.input_files import read_with
+from kpopnet.networks.backend import filters, onnx_session
 from kpopnet.weights import shipped_finder
 
 LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.4, 0.03, 8
@@ -30,9 +20,6 @@ LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.4, 0.03, 8
 FOLLOWED_CERTAINTY = 0.2
 """A person who is being followed is reported with at least this certainty, where they are expected: what is found with little
 certainty counts for tracks and not for new ones, as in ByteTrack (Zhang et al. 2022)."""
-
-ONNX_SUFFIX = ".onnx"
-"""Of a network that ONNX Runtime runs, twice as fast on a CPU as torch runs the weights of a training."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +45,7 @@ class PersonFinder:
         """Raises InputError if the weights are missing, damaged or of another version."""
         check_camera(camera)
         self.camera, self.config, self._followed, self._time_s = camera, config, Followed(), 0.0
-        self._network = open_finder(config.weights or str(shipped_finder()))
+        self._network = open_finder(config.weights)
 
     def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
         """The people in the next image, as `kpopnet.pose.extraction.Extractor`: (H, W) metres, 0 where nothing was measured."""
@@ -93,19 +80,16 @@ def cells_of(network: Network, canvas: Reduced) -> Cells:
 
 
 @cache
-def open_finder(path: str) -> Network:
-    """The network of a file, opened once, on one thread; raises InputError if it is missing or no finder."""
-    if not path.endswith(ONNX_SUFFIX):
+def open_finder(weights: str | None = None) -> Network:
+    """The network of a training's file of weights, or None for the one that comes with the package, which ONNX Runtime runs,
+    twice as fast as torch. Opened once, on one thread.
+
+    Raises InputError if it is missing or no finder.
+    """
+    if weights is not None:
         from kpopnet.finder.network import torch_finder  # takes a second to import
 
-        return torch_finder(path)
-    import onnxruntime  # takes a tenth of a second to import
-
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-
-    def opened(path: Path):
-        return onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
-
-    session = read_with(opened, Path(path), PROBLEM)
+        return torch_finder(weights)
+    stored, graph = shipped_finder()
+    session = onnx_session(graph, graph.read_bytes(), filters(stored))
     return lambda depth_m, intrinsics: session.run(list(OUTPUT_NAMES), dict(zip(INPUTS, (depth_m, intrinsics), strict=True)))

@@ -21,7 +21,7 @@ from kpopnet.runtime.input_files import read_with
 
 INPUT_CHANNELS = 5
 OUTPUTS = 4
-WIDTHS = (16, 32, 64, 96)
+WIDTHS = (16, 32, 64, 128)
 FINE_CHANNELS = 40
 
 

@@ -1,5 +1,5 @@
 """What runs a network: torch, or ONNX Runtime, found by what the network is stored as. ONNX files need no torch, and on a CPU
-take a third of the time for one crop; the network that comes with the package is stored for both.
+take a third of the time for one crop; the networks that come with the package are stored for both.
 """
 
 from functools import cached_property
@@ -114,16 +114,24 @@ class OnnxBackend:
 
     @cached_property
     def _session(self) -> Any:
-        with optional_library(str(self.path), "onnxruntime", "onnx"):
-            import onnxruntime
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = 3  # errors, which are raised too
-        if self.filters:
-            values = [onnxruntime.OrtValue.ortvalue_from_numpy(value) for value in self.filters.values()]
-            options.add_external_initializers(list(self.filters), values)
-        return read_with(
-            lambda _: onnxruntime.InferenceSession(self.content, options, providers=["CPUExecutionProvider"]),
-            self.path,
-            "not an ONNX file, or a damaged one",
-        )
+        return onnx_session(self.path, self.content, self.filters)
+
+
+def onnx_session(path: Path, content: bytes, filters: dict[str, np.ndarray]) -> Any:
+    """ONNX Runtime for the content of a file, on one thread of the CPU, with the `filters` that are not in it.
+
+    Raises InputError: damaged; ONNX Runtime is not installed.
+    """
+    with optional_library(str(path), "onnxruntime", "onnx"):
+        import onnxruntime  # takes a tenth of a second to import
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 3  # errors, which are raised too
+    if filters:
+        values = [onnxruntime.OrtValue.ortvalue_from_numpy(value) for value in filters.values()]
+        options.add_external_initializers(list(filters), values)
+    return read_with(
+        lambda _: onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"]),
+        path,
+        "not an ONNX file, or a damaged one",
+    )

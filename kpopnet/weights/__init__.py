@@ -2,7 +2,8 @@
 
     model.safetensors              its filters in float16, the rest in float32; all is computed with in float32
     meta.json                      its description, as in every checkpoint (kpopnet.networks)
-    finder.onnx                    the finder of people
+    finder.safetensors             the finder of people, stored likewise
+    graph.onnx, finder_graph.onnx  both for ONNX Runtime, without their filters
     over_time_*.safetensors        joints over time: causal, and with the frames that follow
     MODEL_CARD.md                  how they were trained, how good they are, and where they fail
 
@@ -24,7 +25,8 @@ SHA256: dict[str, str] = {
 """Of each file that is loaded, as tools/ship_weights.py wrote it."""
 
 FINDER_SHA256: dict[str, str] = {
-    "finder.onnx": "4c707cc9731f3e8edb8105e4f3ab1f7de2f5944d1f5ba66cfa507f5f5a93f94c",
+    "finder.safetensors": "96b9a75e8a1da386e5e99fa50f12209df0a8b7cb55c996d57ffddaf5557f942e",
+    "finder_graph.onnx": "800f6344855b4d5d7af6f74c78c9c22a7e94834499c53b7c359ba164b2cfdbdf",
 }
 """Of the finder of people (kpopnet.finder), as tools/ship_weights.py wrote it."""
 
@@ -41,10 +43,13 @@ def shipped_network() -> Path:
     return FOLDER
 
 
-def shipped_finder() -> Path:
-    """The file of the finder that comes with the package; raises InputError for one of another version."""
+def shipped_finder() -> tuple[Path, Path]:
+    """The weights of the finder that comes with the package, and its ONNX file without filters; raises InputError for files of
+    another version.
+    """
     _check(FINDER_SHA256)
-    return FOLDER / next(iter(FINDER_SHA256))
+    weights, graph = FINDER_SHA256
+    return FOLDER / weights, FOLDER / graph
 
 
 def shipped_over_time(future: bool) -> Path:

@@ -65,8 +65,7 @@ def test_other_images_are_refused(knowing, shape, dtype):
         knowing.extract(np.zeros(shape, dtype))
 
 
-@pytest.mark.parametrize("name", ["finder.safetensors", "finder.onnx"])
-def test_weights_of_something_else_are_refused(tmp_path, name):
-    (tmp_path / name).write_bytes(b"nothing")
-    with pytest.raises(InputError, match=f"{name}: missing, damaged"):
-        PersonFinder(CAMERA, FinderConfig(str(tmp_path / name)))
+def test_weights_of_something_else_are_refused(tmp_path):
+    (tmp_path / "mine.safetensors").write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"mine\.safetensors: missing, damaged"):
+        PersonFinder(CAMERA, FinderConfig(str(tmp_path / "mine.safetensors")))

@@ -17,7 +17,6 @@ from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.finder.finder import FinderConfig, PersonFinder, open_finder
 from kpopnet.finder.people import certainty
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.weights import shipped_finder
 from synth.rooms.images import measure_scene
 from synth.rooms.scene import RoomScenes
 from synth.samples.sampler import SampleConfig
@@ -55,7 +54,7 @@ def test_on_real_people():
 
 def test_people_are_found_among_clutter():
     drawn = RoomScenes(SampleConfig(renderer="cpu"), 11, "test", CANVAS)
-    network = open_finder(str(shipped_finder()))
+    network = open_finder()
     found = wanted = false = 0
     for index in range(60):
         clear = drawn.draw_scene(index)

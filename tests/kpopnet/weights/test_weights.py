@@ -1,6 +1,5 @@
 """The network that comes with the package is checked when it is loaded, and is written from a checkpoint in float16."""
 
-import hashlib
 import runpy
 import shutil
 
@@ -103,28 +102,44 @@ def test_what_this_checkout_ships_can_be_loaded():
     assert sum(file.stat().st_size for file in kpopnet.weights.FOLDER.glob("*.*")) < 10e6
     card = (kpopnet.weights.FOLDER / "MODEL_CARD.md").read_text()
     assert kpopnet.weights.SHA256["model.safetensors"] in card
-    assert kpopnet.weights.FINDER_SHA256["finder.onnx"] in card
+    assert kpopnet.weights.FINDER_SHA256["finder.safetensors"] in card
     assert all(digest in card for digest in kpopnet.weights.OVER_TIME_SHA256.values())
     assert not any("/" in text for text in ship_weights.texts_in(estimator.meta))
     estimate = estimator.estimate(draw_depth(draw_joints(np.random.default_rng(0)))[None], CAMERA)
     assert np.isfinite(estimate.joints_camera_m).all()
 
 
-def test_a_finder_is_shipped_beside_the_network(tmp_path, shipped):
+def test_a_finder_is_shipped_beside_the_network(tmp_path, shipped, monkeypatch):
     network = FinderNetwork()
-    (tmp_path / "finder.safetensors").write_bytes(save_weights(network.state_dict()))
-    ship_weights.ship_finder(tmp_path / "finder.safetensors", shipped)
+    (tmp_path / "mine.safetensors").write_bytes(save_weights(network.state_dict()))
+    ship_weights.ship_finder(tmp_path / "mine.safetensors", shipped)
     digests = runpy.run_path(str(shipped / "__init__.py"))
-    content = (shipped / "finder.onnx").read_bytes()
-    assert digests["FINDER_SHA256"] == {"finder.onnx": hashlib.sha256(content).hexdigest()}
-    assert digests["SHA256"] == kpopnet.weights.SHA256 and len(content) < 3.2e6
+    assert digests["SHA256"] == kpopnet.weights.SHA256
+    sizes = [(shipped / name).stat().st_size for name in digests["FINDER_SHA256"]]
+    assert sizes[0] < 0.6 * (tmp_path / "mine.safetensors").stat().st_size and sizes[1] < 2e5
+    monkeypatch.setattr(kpopnet.weights, "FINDER_SHA256", digests["FINDER_SHA256"])
     depth_m = np.random.default_rng(0).uniform(0.5, 6, (1, 128, 160)).astype(np.float32)
     intrinsics = np.array([[120, 120, 79.5, 59.5]], np.float32)
-    by_onnx, by_torch = (
-        open_finder(str(path))(depth_m, intrinsics) for path in (shipped / "finder.onnx", tmp_path / "finder.safetensors")
+    by_onnx, stored, mine = (
+        one(depth_m, intrinsics)
+        for one in (
+            open_finder.__wrapped__(),
+            open_finder(str(shipped / "finder.safetensors")),
+            open_finder(str(tmp_path / "mine.safetensors")),
+        )
     )
-    for one, other in zip(by_onnx, by_torch, strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-3)
+    for one, same, close in zip(by_onnx, stored, mine, strict=True):
+        np.testing.assert_allclose(one, same, atol=1e-4)
+        np.testing.assert_allclose(one, close, atol=0.01)  # float16
+
+
+@pytest.mark.parametrize("name", ["finder.safetensors", "finder_graph.onnx"])
+def test_a_finder_of_another_version_is_refused(tmp_path, monkeypatch, name):
+    for file in kpopnet.weights.FINDER_SHA256:
+        (tmp_path / file).write_bytes((kpopnet.weights.FOLDER / file).read_bytes() + (b"0" if file == name else b""))
+    monkeypatch.setattr(kpopnet.weights, "FOLDER", tmp_path)
+    with pytest.raises(InputError, match=rf"{name}: .*install kpopnet again$"):
+        open_finder.__wrapped__()
 
 
 def test_both_networks_over_time_are_shipped_in_their_order(tmp_path, shipped):
