@@ -74,6 +74,12 @@ def test_an_older_report_is_not_replaced(place):
     assert done.stderr.endswith("older: holds a report; give another folder (hydra.run.dir=...), or delete it\n")
 
 
+def test_the_name_of_a_benchmark_is_not_a_setting(place):
+    done = evaluate(place, "checkpoint=run/last", "benchmark.path=set", "benchmark.name=mine", "hydra.run.dir=named")
+    assert done.returncode == 1 and "benchmark.name=mine: not a setting; choose one by benchmark=" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def composed(*settings: str) -> EvaluateConfig:
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         return OmegaConf.to_object(compose("evaluate", list(settings)))

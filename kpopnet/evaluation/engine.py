@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
-import torch
 from tqdm import tqdm
 
 from kpopnet.camera import Camera
@@ -67,16 +66,21 @@ def run(work: Callable[[str], Row], names: list[str], processes: int, where: str
     return {name: row for name, row, reason in in_order if reason is None}, failed
 
 
+def device_of(estimator: Any) -> str:
+    """What an estimator's network works on: cpu or cuda."""
+    base = base_estimator(estimator)
+    return str(getattr(getattr(base, "backend", base), "device", "cpu"))
+
+
 class Timed:
     """Calls with depth, camera and more, timed without compilation and caches: the first frames of the first are done twice.
 
     Times are of the processor, which other work on the machine does not lengthen, or of the wall clock on a GPU.
     """
 
-    def __init__(self, call: Callable[..., Any], estimator: Any = None) -> None:
-        """`estimator` is whose `device` decides on the clock; None for work of the processor."""
-        self._call, self._warm = call, False
-        on_gpu = getattr(base_estimator(estimator), "device", torch.device("cpu")).type != "cpu"
+    def __init__(self, call: Callable[..., Any], device: str = "cpu") -> None:
+        """`device` is what the call works on: cpu or cuda."""
+        self._call, self._warm, on_gpu = call, False, device != "cpu"
         self._clock = time.perf_counter if on_gpu else time.process_time
 
     def __call__(self, depth: np.ndarray, camera: Camera, **more: Any) -> tuple[Any, float]:

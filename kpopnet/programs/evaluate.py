@@ -78,11 +78,13 @@ EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], Report]] = {
 
 @entry_point({"evaluate": EvaluateConfig})
 def main(config: EvaluateConfig) -> None:
-    folder = Path(HydraConfig.get().runtime.output_dir)
+    folder, named = Path(HydraConfig.get().runtime.output_dir), config.benchmark.name
+    if BENCHMARKS.get(named, (None,))[0] is not type(config.benchmark):
+        raise InputError(f"benchmark.name={named}: not a setting; choose one by benchmark={'|'.join(BENCHMARKS)}")
     if (folder / "metrics.json").exists():  # the last file of a report
         raise InputError(f"{folder}: holds a report; give another folder (hydra.run.dir=...), or delete it")
     with naming(folder):
-        report = EVALUATIONS.get(config.benchmark.name, evaluate_poses)(config, folder)
+        report = EVALUATIONS.get(named, evaluate_poses)(config, folder)
         write(report, config, folder)
     print(report.text())
     print(f"report: {folder / 'report.html'}")

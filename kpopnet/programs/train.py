@@ -109,6 +109,9 @@ class ObservationConfig:
             raise InputError(f"data.validation={self.data.validation}: trained on too; choose a checkpoint on other people")
         log.info(f"reading {self.data.train} and {self.data.validation}")
         sets = {name: ShardedSet(folder) for name, folder in asdict(self.data).items()}
+        for name, shards in sets.items():
+            if shards.kind == "frozen":
+                log.warning(f"data.{name}: a frozen set, measured once: sensor, other_sensors and extraction change nothing")
         sources: dict[str, ObservationSource] = {
             name: Observer(shards, self.sensor, self.extraction, self.seed, self.other_sensors) for name, shards in sets.items()
         }

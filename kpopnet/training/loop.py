@@ -332,7 +332,8 @@ def _update_and_validate(
 
             if run.step % config.validate_every == 0 or run.step == config.steps:
                 crops = validation_set(run.step - 1)
-                if crops is not validation_set(max(run.step - 1 - config.validate_every, 0)):
+                last = (run.step - 1) // config.validate_every * config.validate_every  # step of the validation before
+                if crops is not validation_set(max(last - 1, 0)):
                     run.best_cm = math.inf  # errors in smaller crops are of another network: the best one is of the last size
                 metrics, estimates = validate(run.average, crops, run.processes.device)
                 for name, value in metrics.items():

@@ -105,6 +105,7 @@ class SceneShards(SetGenerator):
     part: ClassVar[str] = "shard"
     per_shard: ClassVar[int] = 500  # scenes in a file
     composed_only = "people are in poses of all kinds; leave motion out"
+    images_differ: ClassVar[bool] = True
     most_px: ClassVar[tuple[int, int]]  # most width and height of an image
 
     @cached_property

@@ -95,17 +95,18 @@ def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:
     if not all(is_finished(config, folder, shard) for shard in range(config.num_shards)):
         return None
     remove_unfinished(folder, ".shard_*.tmp")
-    summary = {"samples": config.count, "shards": config.num_shards, "hash": config.hash}
+    stored = ShardedSet(folder)
+    summary = {"samples": len(stored), "shards": len(stored.paths), "hash": config.hash}
     totals = dict.fromkeys(TOTALS, 0)
-    for shard in range(config.num_shards):
-        with open_shard(shard_path(folder, shard)) as file:
+    for path in stored.paths:
+        with open_shard(path) as file:
             for name in totals:
                 totals[name] += int(file.attrs[name])
-    summary |= totals | {"bytes": sum(path.stat().st_size for path in folder.glob("shard_*.h5"))}
+    summary |= totals | {"bytes": sum(path.stat().st_size for path in stored.paths)}
     # Jobs that end at the same time may both write: each replaces the whole file.
     with atomic_path(folder / "set.json") as part:
         part.write_text(json.dumps(summary | {"config": json.loads(config.as_json())}, indent=1))
-    save_png(folder / "contact_sheet.png", draw_contact_sheet(ShardedSet(folder), look, config.seed))
+    save_png(folder / "contact_sheet.png", draw_contact_sheet(stored, look, config.seed))
     return summary
 
 
@@ -120,7 +121,8 @@ def is_finished(config: SetConfig, folder: Path, shard: int) -> bool:
             f"{path}: belongs to another set (made with other settings, {header.config_hash} against {config.hash}); "
             "choose another out=, or delete that folder"
         )
-    return (header.start, header.stop) == config.span(shard)
+    start, stop = config.span(shard)
+    return header.start == start and header.stop >= stop  # a larger set stays whole where a part of it is asked for
 
 
 def write_shard(config: SetConfig, folder: Path, shard: int, on_sample: Callable[[], None] = lambda: None) -> None:

@@ -19,7 +19,7 @@ from kpopnet.dance.performance import Performance, mask_missing_joints
 from kpopnet.datasets.dances.dance_set import Dance, Learner
 from kpopnet.errors import InputError
 from kpopnet.estimator import first_label, starts_from_label
-from kpopnet.evaluation.engine import Timed
+from kpopnet.evaluation.engine import Timed, device_of
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.networks import META
 from kpopnet.pose.person import PersonEstimator
@@ -50,7 +50,7 @@ class PoseCache:
         """Builds the estimator; `folder` is that of the cached poses of all. Raises InputError if a file of it is missing."""
         self.folder = folder / f"{name}-{estimator_key(settings)}"
         self._estimator = build_estimators({name: settings})[name]
-        self._estimate = Timed(self._estimator.estimate, self._estimator)
+        self._estimate = Timed(self._estimator.estimate, device_of(self._estimator))
 
     def path(self, dance: Dance, learner: Learner) -> Path:
         """Path of the cached poses of a learner."""

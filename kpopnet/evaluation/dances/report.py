@@ -15,6 +15,7 @@ from kpopnet.evaluation.dances.ranking import in_order_by_one, is_ordered, mcnem
 from kpopnet.evaluation.dances.run import DanceRun, Method, run_dances
 from kpopnet.evaluation.report import Block, Heading, Picture, Report, save_plots, write_text
 from kpopnet.evaluation.values import Table, Value
+from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extraction_name
 
 WRONG_ORDER_MARK = " ✗"
 RIGHT_ORDER, WRONG_ORDER = "0.75", "tab:red"
@@ -51,6 +52,8 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
     not among the scored ones; see `run_dances`.
     """
     config.refuse("sweep", "sequences", instead="benchmark.dances=10 makes a quick test")
+    if config.extraction != DEFAULT_EXTRACTION:
+        raise InputError(f"extraction={extraction_name(config.extraction)}: the depth of dances is segmented; leave it out")
     dances, plotted, count = open_set(config.benchmark), config.benchmark.dance, config.benchmark.dances
     poses = Path(config.benchmark.poses or dances.folder / "poses")
     if plotted not in (None, *dances.names[:count]):

@@ -112,7 +112,10 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
     config.refuse("scorer", "sweep")
     if not config.estimator:
         raise InputError("estimator: expected at least one, for instance 'estimator=[tracker]'")
-    followers = {label: Timed(follower(label, one, config.extraction)) for label, one in config.estimator.items()}
+    followers = {
+        label: Timed(follower(label, one, config.extraction), getattr(one, "device", "cpu"))
+        for label, one in config.estimator.items()
+    }
     benchmark = PeopleSet(config.benchmark)
     names = evenly_spaced(benchmark.names, config.sequences)
     matched, failed = engine.run(partial(matched_people, benchmark, followers), names, config.processes_at_work(), name)

@@ -10,7 +10,7 @@ from kpopnet.datasets.protocol import Benchmark, evenly_spaced
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator, first_label, starts_from_label
 from kpopnet.evaluation import engine
-from kpopnet.evaluation.engine import Timed, stage
+from kpopnet.evaluation.engine import Timed, device_of, stage
 from kpopnet.evaluation.poses.causes import missed_by_cause
 from kpopnet.evaluation.poses.confidence import evaluate_confidence
 from kpopnet.evaluation.poses.definition import in_label_definition
@@ -40,7 +40,7 @@ class SequenceEstimation:
     extraction: Any = DEFAULT_EXTRACTION
 
     def __post_init__(self) -> None:
-        self._timed = {label: Timed(one.estimate, one) for label, one in self.estimators.items()}
+        self._timed = {label: Timed(one.estimate, device_of(one)) for label, one in self.estimators.items()}
         self._extract = Timed(extract_person)
 
     def __call__(self, name: str) -> EstimatedSequence:
@@ -50,6 +50,8 @@ class SequenceEstimation:
             with stage("extraction"):
                 how = {"settings": self.extraction, "fps": sequence.fps or 30.0}
                 depth_m, extraction_seconds = self._extract(depth_m, camera, **how)
+        elif self.extraction != DEFAULT_EXTRACTION:
+            raise InputError(f"extraction={extraction_name(self.extraction)}: the depth is segmented; leave it out")
         frames = len(depth_m)
         yaw_rad = np.full(frames, np.nan, np.float32) if sequence.yaw_rad is None else sequence.yaw_rad
         names = [np.full(frames, one) for one in (name, sequence.identity, sequence.room)]

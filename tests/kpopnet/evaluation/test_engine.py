@@ -1,11 +1,17 @@
 """The engine: rows in the order asked for, failures named, times without what is done only once."""
 
+import time
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import torch
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.evaluation.engine import WARM_UP_FRAMES, Timed, run, stage
+from kpopnet.evaluation.engine import WARM_UP_FRAMES, Timed, device_of, run, stage
+from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.tracker.refine import FittedEstimator
 
 CAMERA = Camera.centred(20.0, 4, 3)
 
@@ -37,3 +43,10 @@ def test_the_first_frames_are_done_once_untimed():
         result, seconds = timed(np.zeros((frames, 3, 4)), CAMERA, start=1)
         assert result == frames and seconds >= 0
     assert calls == [(WARM_UP_FRAMES, {"start": 1}), (40, {"start": 1}), (50, {"start": 1})]
+
+
+@pytest.mark.parametrize(("device", "clock"), [("cpu", time.process_time), ("cuda", time.perf_counter)])
+def test_the_clock_is_that_of_what_the_network_works_on(device, clock):
+    network = SimpleNamespace(backend=SimpleNamespace(device=torch.device(device)))
+    assert Timed(len, device_of(FittedEstimator(network)))._clock is clock
+    assert device_of(NetworkEstimator()) == "cpu"

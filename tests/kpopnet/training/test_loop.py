@@ -94,8 +94,11 @@ def test_the_best_checkpoint_is_one_of_the_models_crops_however_small_the_errors
         return metrics | {"mean_error_cm": next(errors_cm)}, estimates
 
     monkeypatch.setattr(loop, "validate", scripted)
-    run_short(tmp_path, SMALL_FIRST)  # validates after two steps, of smaller crops, four and six
-    assert read_meta(tmp_path / "best")["step"] == 4
+    run_short(tmp_path / "one", SMALL_FIRST)  # validates after two steps, of smaller crops, four and six
+    assert read_meta(tmp_path / "one/best")["step"] == 4
+    errors_cm = iter((1.0, 2.0, 3.0))
+    run_short(tmp_path / "two", replace(SMALL_FIRST, steps=7, validate_every=3, small_crops=SmallCropsConfig(0.5, 48)))
+    assert read_meta(tmp_path / "two/best")["step"] == 6  # the last one, of one step more, is no other phase
 
 
 def test_the_number_of_workers_changes_nothing(tmp_path):

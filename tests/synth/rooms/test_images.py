@@ -32,3 +32,8 @@ def test_images_are_read_back(folder):
         assert not image.depth_mm[image.camera.height :].any() and not image.depth_mm[:, image.camera.width :].any()
         people += known.sum()
     assert people > 10
+
+
+def test_who_would_draw_is_no_part_of_a_set_that_the_cpu_draws():
+    config = RoomImagesConfig(shards=2, split="validation")
+    assert FewImages(config, renderer="gl").hash == FewImages(config, renderer="cpu").hash == SET.hash

@@ -68,6 +68,8 @@ def test_a_set_grows_to_the_same_whatever_the_processes_and_is_summarised_in_the
     assert stored["refused_places"] == sum(one.refused_places for one in rendered) > 0
     assert stored["refused_poses"] == sum(one.rejected for one in rendered)
     assert (tmp_path / "contact_sheet.png").stat().st_size > 10_000
+    generate(small, tmp_path, range(small.num_shards), processes=1)  # a part of what is there
+    assert contents(tmp_path) == contents(whole) and finish(small, tmp_path, FREEZE)["samples"] == 22
 
 
 def test_another_set_is_not_overwritten(whole: Path) -> None:

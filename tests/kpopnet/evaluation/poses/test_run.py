@@ -117,4 +117,6 @@ def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkey
     assert run.images_without_person == 6 and run.extraction_fps > 0
     assert any("whole scenes: extraction=paper segmented the person first" in line for line in remarks(run))
     assert pose_metrics(run)["benchmark"]["extraction"] == "paper"
-    assert pose_metrics(run_benchmark(Films(), {"off": Off()}, extraction=extraction))["benchmark"]["extraction"] is None
+    assert pose_metrics(run_benchmark(Films(), {"off": Off()}))["benchmark"]["extraction"] is None
+    with pytest.raises(InputError, match="extraction=paper: the depth is segmented; leave it out"):
+        run_benchmark(Films(), {"off": Off()}, extraction=extraction)
