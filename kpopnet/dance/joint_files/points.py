@@ -146,6 +146,12 @@ def _joint_places(names: Sequence[str], source: str, known_already: Collection[J
         known = next((words for words in alternatives if all(word in by_name for word in words)), None)
         if known:
             found[joint] = [by_name[word] for word in known]
+    used = {plain_name(names[number]) for numbers in found.values() for number in numbers}
+    subjects = {name.rpartition(":")[0].strip() for name in names if ":" in name and plain_name(name) in used}
+    if len(subjects) > 1:
+        raise InputError(
+            f"{source}: points of {names_in(sorted(subjects))}; expected one person: give each a file of their own"
+        )
     needed = _POINTS.keys() - {Joint.HEAD, Joint.NECK, *known_already, *found}
     missing = [joint.name.lower() for joint in _POINTS if joint in needed]
     if missing:

@@ -77,6 +77,10 @@ def read_csv(path: Path) -> NamedPoints:
         joints = {name: [_number(row[place], f"{path}, line {line}") for place in own] for name, own in places.items()}
         times = {time: _number(row[header.index(time)], f"{path}, line {line}") for time in TIMES if time in header}
         frames.append({"joints": joints} | times)
+    numbers = [row[header.index("frame")].strip() for _, row in rows] if "frame" in header else []
+    if not any(time in header for time in TIMES) and len(set(numbers)) == len(rows) and all(map(str.isdecimal, numbers)):
+        by_number = dict(zip(numbers, frames, strict=True))
+        frames = list(_with_those_between(by_number, path, min(map(int, numbers))).values())
     return joint_points(frames, None, str(path))
 
 
@@ -107,19 +111,20 @@ def _long_points(rows: list[tuple[int, list[str]]], places: dict[str, int], path
         parts = [part for part in ("x", "y", "z", "confidence", "visibility") if part in places][:4]
         name = row[places["name"]].strip()
         name = MEDIAPIPE_NAMES[int(name)] if name.isdecimal() and int(name) < len(MEDIAPIPE_NAMES) else name
+        expect(name not in frame["joints"], where, f"one line for {name} in a frame; give each person a file of their own")
         frame["joints"][name] = [_number(row[places[part]], where) for part in parts]
     if not any(time in places for time in TIMES) and all(number.isdecimal() for number in frames):
-        frames = _with_those_between(frames, path)
+        frames = _with_those_between(frames, path, 1)
     return joint_points(list(frames.values()), None, str(path))
 
 
-def _with_those_between(frames: dict[str, dict], path: Path) -> dict[str, dict]:
-    """Frames by their numbers, with those before and between that have no line, since nobody was found in them.
+def _with_those_between(frames: dict[str, dict], path: Path, first: int) -> dict[str, dict]:
+    """Frames by their numbers, with those between that have no line, since nobody was found in them.
 
-    They count from 0, or where no frame has that number, from 1.
+    They count from `first`, or from an earlier one that is there.
     """
     by_number = {int(number): frame for number, frame in frames.items()}
-    first, last = min(*by_number, 1), max(by_number)
+    first, last = min(*by_number, first), max(by_number)
     check_budget(path, (last - first + 1) * 33 * 32, f"frames {first} to {last} of 33 points")
     return {str(number): by_number.get(number, {"joints": {}}) for number in range(first, last + 1)}
 

@@ -106,3 +106,13 @@ def test_damaged_recordings_are_refused_in_one_line(tmp_path):
         (tmp_path / "a.trc").write_text("\n".join(lines))
         with pytest.raises(InputError, match=message):
             read_performance(tmp_path / "a.trc")
+
+
+def test_two_subjects_in_one_file_are_refused_instead_of_mixed(tmp_path):
+    names = [*NAMES, *(name.replace("ann:", "bea:") for name in NAMES)]
+    beside_mm = np.concatenate([POINTS_MM, POINTS_MM + np.array([2000.0, 0, 0])], axis=1)
+    left = names.index("ann:LWJC")
+    for kept in (range(len(names)), [k for k in range(len(names)) if k != left]):
+        write_trc(tmp_path / "two.trc", beside_mm[:, list(kept)], [names[k] for k in kept])
+        with pytest.raises(InputError, match=r"two\.trc: points of ann, bea; expected one person"):
+            read_performance(tmp_path / "two.trc")

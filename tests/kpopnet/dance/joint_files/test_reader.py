@@ -159,6 +159,18 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path):
     assert np.flatnonzero(unseen).tolist() == [*range(19), 21] and read.times_s[22] == pytest.approx(0.88)
 
 
+def test_frames_that_a_wide_table_leaves_out_keep_their_time_and_two_people_in_one_are_refused(tmp_path):
+    path = write_csv(tmp_path / "wide.csv", person(), {"frame": np.delete(np.arange(100, 100 + FRAMES + 5), range(3, 8))})
+    path.write_text(path.read_text().replace("time_s", "clock", 1))
+    assert read_performance(path, 10).times_s[-1] == pytest.approx((FRAMES + 4) / 10)
+    path = write_csv(tmp_path / "timed.csv", person(), {"frame": np.arange(FRAMES) * 2, "time_s": np.arange(FRAMES) / 25})
+    assert read_performance(path).times_s[-1] == pytest.approx((FRAMES - 1) / 25)
+    lines = ["frame,person,name,x,y,z", *(f"{k},{who},{name},0,1,2" for k in range(3) for who in "ab" for name in person())]
+    (tmp_path / "two.csv").write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"two\.csv, line \d+: expected one line for \w+ in a frame"):
+        read_performance(tmp_path / "two.csv", 25)
+
+
 def test_a_given_frame_rate_overrides_the_files(tmp_path):
     path = write_csv(tmp_path / "a.csv", kinect())
     assert read_performance(path, 50.0).times_s[-1] == pytest.approx((FRAMES - 1) / 50)
