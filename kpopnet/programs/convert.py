@@ -27,6 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kpopnet.dance.features import SEEN_CONFIDENCE
 from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performances
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.performance import Performance
@@ -55,27 +56,37 @@ def read_imperial(path: Path) -> np.ndarray:
 def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, Performance]) -> None:
     """Writes a dance given as joints into the folder of a set; the learners from the best to the worst.
 
-    Raises InputError for no name of a dance, and for a folder that holds other learners.
+    Joints that are only guessed become missing ones, since the format knows no confidence. Raises InputError, before anything
+    is written, for what is no name of a dance or a learner, and for a folder that holds other learners.
     """
-    expect(is_learner_name(name), f"--dance {name}", "a name of letters, digits, - and _")
+    for what, word in (("--dance", name), *(("learner", learner) for learner in learners)):
+        expect(is_learner_name(word), f"{what} {word!r}", "a name of letters, digits, spaces, -, _ and .")
     others = sorted({path.stem for path in (out / name).glob("*.h5")} - {Path(TEACHER).stem, *learners})
     if others:
         raise InputError(
             f"{out / name}: holds {', '.join(others)} of an earlier conversion; delete them, or give another --dance"
         )
-    write_teacher(out / name, teacher)
+    write_teacher(out / name, Performance(_seen_m(teacher), teacher.times_s))
     for learner, performance in learners.items():
-        write_learner(out / name, learner, performance.times_s, performance.joints_m)
+        write_learner(out / name, learner, performance.times_s, _seen_m(performance))
     write_labels(out / name, learners)
     print(f"{out / name}: teacher and {len(learners)} learners, best first: {', '.join(learners)}")
 
 
-def convert_recordings(out: Path, dance: str, teacher: Path, learners: list[Path], fps: float | None) -> None:
-    """Writes a dance from files of joints, the learners from the best to the worst; `fps` is the true frame rate if given."""
-    names = {path.stem: read_strangers_performance(path, fps) for path in learners}
+def _seen_m(performance: Performance) -> np.ndarray:
+    return np.where(performance.confidence[..., None] < SEEN_CONFIDENCE, np.nan, performance.joints_m)
+
+
+def convert_recordings(
+    out: Path, dance: str, teacher: Path, learners: list[Path], fps: float | None, joint_map: Path | None = None
+) -> None:
+    """Writes a dance from files of joints, the learners from the best to the worst; `fps` is the true frame rate if given,
+    and `joint_map` as for `read_performance`.
+    """
+    names = {path.stem: read_strangers_performance(path, fps, joint_map) for path in learners}
     if len(names) < max(len(learners), 2):
         raise InputError("--learners: give at least two files of different names, the best dancer's first")
-    write_dance(out, dance, read_strangers_performance(teacher, fps), names)
+    write_dance(out, dance, read_strangers_performance(teacher, fps, joint_map), names)
 
 
 def convert_imperial(source: Path, out: Path) -> None:
@@ -114,6 +125,7 @@ def main() -> None:
     recordings.add_argument("--teacher", type=Path, required=True)
     recordings.add_argument("--learners", type=Path, nargs="+", required=True, help="from the best to the worst")
     recordings.add_argument("--fps", type=float, help="the true frame rate, where the files state none or a wrong one")
+    recordings.add_argument("--joint-map", type=Path, metavar="FILE", help="JSON: which of the files' points are which joints")
     imperial = kinds.add_parser("imperial")
     imperial.add_argument("source", type=Path, help="folder of dance_level_*.npy")
     imperial.add_argument("out", type=Path, help="folder of the set, may be new")
@@ -121,4 +133,4 @@ def main() -> None:
     if given.kind == "imperial":
         convert_imperial(given.source, given.out)
     else:
-        convert_recordings(given.out, given.dance, given.teacher, given.learners, given.fps)
+        convert_recordings(given.out, given.dance, given.teacher, given.learners, given.fps, given.joint_map)

@@ -50,8 +50,24 @@ def test_keypoints_become_a_dance(tmp_path, program):
     again = partial(program, "convert", "recordings", tmp_path / "out", *files[:-1], fails=True)
     assert "at least two files" in again("--dance", "x")
     np.savez(tmp_path / "other.npz", keypoints3d=coco(unit_m=0.01), fps=60)
-    for name, told in (("gBR", "gBR: holds worst of an earlier conversion"), ("a/b", "--dance a/b: expected a name")):
+    for name, told in (("gBR", "gBR: holds worst of an earlier conversion"), ("a/b", "--dance 'a/b': expected a name")):
         assert told in again(tmp_path / "other.npz", "--dance", name)
+
+
+def test_guessed_joints_become_missing_and_a_name_that_cannot_be_writes_nothing(tmp_path, program):
+    confidence = np.ones((FRAMES, 17))
+    confidence[5, 15:] = 0.02  # COCO's ankles
+    for name in ("teacher", "best", "good (1)", "good"):
+        np.savez(tmp_path / f"{name}.npz", keypoints3d=coco(), fps=60, confidence=confidence)
+    convert = partial(program, "convert", "recordings", tmp_path / "out", "--dance", "t", "--teacher", tmp_path / "teacher.npz")
+    told = convert("--learners", tmp_path / "best.npz", tmp_path / "good (1).npz", fails=True)
+    assert "learner 'good (1)': expected a name" in told
+    assert not (tmp_path / "out").exists()
+    convert("--learners", tmp_path / "best.npz", tmp_path / "good.npz")
+    dance = KpopSet(tmp_path / "out").dance("t")
+    for performance in (dance.teacher(), dance.learners[0].joints()):
+        feet = performance.joints_m[:, [Joint.RIGHT_FOOT, Joint.LEFT_FOOT]]
+        assert np.isnan(feet[5]).all() and np.isfinite(np.delete(feet, 5, axis=0)).all()
 
 
 def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, program):
