@@ -139,6 +139,7 @@ export default {
   "{bpm} beats a minute, the one at {seconds} s": "{bpm} Schläge pro Minute, die Eins bei {seconds} s",
   "looking for the beats of {name} …": "suche die Schläge von {name} …",
   "{name}: this browser cannot read it; choose an audio file": "{name}: dieser Browser kann sie nicht lesen; wähle eine Audiodatei",
+  "no beats were found in it; tap them": "keine Schläge darin gefunden; tippe sie mit",
   "{count} of {all} taps": "{count} von {all} Mal getippt",
   "The dance follows it, at {percent} % of its own tempo.": "Der Tanz folgt ihm, mit {percent} % seines eigenen Tempos.",
   "slowed to {percent} %, faster when you reach {goal}": "auf {percent} % verlangsamt, schneller ab {goal} Punkten",

@@ -139,6 +139,7 @@ export default {
   "{bpm} beats a minute, the one at {seconds} s": "분당 {bpm}박, 첫 박은 {seconds}초",
   "looking for the beats of {name} …": "박자를 찾는 중: {name} …",
   "{name}: this browser cannot read it; choose an audio file": "{name}: 이 브라우저에서 읽을 수 없어요. 오디오 파일을 고르세요",
+  "no beats were found in it; tap them": "박자를 찾지 못했어요. 박자에 맞춰 두드려 주세요",
   "{count} of {all} taps": "{all}번 중 {count}번",
   "The dance follows it, at {percent} % of its own tempo.": "춤이 노래에 맞춰 원래 템포의 {percent} % 빠르기로 나와요.",
   "slowed to {percent} %, faster when you reach {goal}": "{percent} % 속도로 느리게, {goal}점이 되면 빨라져요",

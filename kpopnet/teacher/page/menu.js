@@ -33,7 +33,11 @@ export async function menu(main) {
   const told = el("p", { class: "quiet", role: "status" });
   const cards = el("div", { class: "cards", id: "cards" });
   const thumbs = thumbnails();
-  const file = el("input", { type: "file", accept: FILES, onchange: () => add(file.files[0]) });
+  const file = el("input", { type: "file", accept: FILES, onchange: () => {
+    const [chosen] = file.files;
+    file.value = ""; // so that the same file may be chosen again, mended
+    add(chosen);
+  } });
   main.append(
     ...greeting(told_of), el("h1", {}, say("Choose a dance")),
     el("div", { class: "controls" }, el("label", {}, say("Search"), search), level, order,

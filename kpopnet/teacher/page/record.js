@@ -37,12 +37,23 @@ export async function record(main) {
     start.click();
   };
   document.addEventListener("keydown", onKey);
+  const onDrag = (event) => {
+    const [dropped] = event.dataTransfer.files;
+    if (event.type === "drop" && dropped) {
+      music.value = "song";
+      heard();
+      song.take(dropped);
+    }
+    event.preventDefault();
+  };
+  for (const kind of ["dragover", "drop"]) document.addEventListener(kind, onDrag);
   music.addEventListener("change", heard);
   heard();
   requestAnimationFrame(animate);
   return () => {
     state.closed = true;
     document.removeEventListener("keydown", onKey);
+    for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
     sound.stop();
     state.webcam?.close();
   };
@@ -119,12 +130,17 @@ export async function record(main) {
 
   async function save(event) {
     event.preventDefault();
+    const button = editor.querySelector("#save");
+    if (button.disabled) return; // it is being saved
+    button.disabled = true;
+    failed.textContent = "";
     const query = new URLSearchParams({ file: "dance.json", title: name.value.trim(), bpm: 60 / state.beat_s });
     try {
       const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, ...bounds())) });
       if (!state.closed) location.hash = `#/dance/${identity}`;
     } catch ({ message }) {
       failed.textContent = message;
+      cut();
     }
   }
 

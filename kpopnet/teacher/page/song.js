@@ -16,7 +16,11 @@ export const songTempo = () => song.bpm;
 // What is chosen and heard of a song; `changed` is called when its beats are known or corrected.
 export function songPanel(changed) {
   const told = el("p", { id: "song-told", role: "status" }), taps_s = [];
-  const file = el("input", { type: "file", accept: "audio/*", id: "song-file", onchange: () => take(file.files[0]) });
+  const file = el("input", { type: "file", accept: "audio/*", id: "song-file", onchange: () => {
+    const [chosen] = file.files;
+    file.value = ""; // so that the same file may be chosen again
+    take(chosen);
+  } });
   const correct = (id, text, how) => el("button", { type: "button", id, onclick: () => keep(how()) }, say(text));
   const beats = (count) => () => ({ one_s: song.one_s + count * 60 / song.bpm });
   const tools = el("details", {}, el("summary", {}, say("Correct its beats")), el("div", { class: "controls" }, audio,
@@ -53,13 +57,14 @@ export function songPanel(changed) {
     URL.revokeObjectURL(audio.src);
     audio.src = URL.createObjectURL(chosen);
     Object.assign(song, { name: chosen.name, bpm: 0, one_s: 0 });
+    changed(); // the beats of the song before are not this one's
     try {
       const context = new OfflineAudioContext(1, 1, ANALYSED_HZ), decoded = await context.decodeAudioData(await chosen.arrayBuffer());
       if (mine === turn) keep(remembered(`song.${chosen.name}`, null) || beatsOf(decoded.getChannelData(0), ANALYSED_HZ));
     } catch (error) {
       if (mine !== turn) return;
       show();
-      told.textContent = error.name === "EncodingError" ? say("{name}: this browser cannot read it; choose an audio file", { name: chosen.name }) : error.message;
+      told.textContent = error.name === "EncodingError" ? say("{name}: this browser cannot read it; choose an audio file", { name: chosen.name }) : say(error.message);
       song.name = error.name === "EncodingError" ? "" : song.name;
     }
   }
