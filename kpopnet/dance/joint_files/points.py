@@ -139,7 +139,7 @@ def _joint_places(names: Sequence[str], source: str, known_already: Collection[J
     by_name: dict[str, int] = {}
     for number, name in enumerate(names):
         by_name.setdefault(plain_name(name), number)
-    found = {}
+    found: dict[Joint, list[int]] = {}
     for joint, alternatives in _POINTS.items():
         if joint in known_already:
             continue
