@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from kpopnet.dance.features import SEEN_CONFIDENCE
 from kpopnet.dance.joint_files.reader import SUFFIXES as JOINT_SUFFIXES
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import Stretches
@@ -16,8 +17,14 @@ from kpopnet.datasets.dances.dance_set import read_performance as read_kpop
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.runtime.input_files import expect
+from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import MOST_DANCERS, Library, taught_dance
 from kpopnet.teacher.posing import MAX_S, at_rate, posed
+
+OF_LIMBS = (
+    *(Joint.LEFT_ELBOW, Joint.LEFT_HAND, Joint.RIGHT_ELBOW, Joint.RIGHT_HAND),
+    *(Joint.LEFT_KNEE, Joint.LEFT_FOOT, Joint.RIGHT_KNEE, Joint.RIGHT_FOOT),
+)
 
 FPS = 30.0
 MIN_S = 5.0
@@ -51,10 +58,24 @@ def add_group(
         text = "{file}: lasts {seconds} s; a dance lasts {least} to {most} s"
         raise InputError(Said(text, file=where, seconds=f"{end_s - begin_s:.1f}", least=f"{MIN_S:g}", most=f"{MAX_S:g}"))
     danced = [at_rate(one, FPS, begin_s, end_s) for one in dancers]
-    taught = [taught_dance(title, FPS, bpm, joints_m, *posed(joints_m, library.body), own=True) for joints_m in danced]
+    seen = [at_rate(_without_guesses(one), FPS, begin_s, end_s) for one in dancers]
+    taught = [
+        taught_dance(title, FPS, bpm, seen_m, *posed(joints_m, library.body), own=True)
+        for joints_m, seen_m in zip(danced, seen, strict=True)
+    ]
     first, *others = sorted(taught, key=lambda one: -one.start_m[0])
     about = replace(first.about, free_s=[list(one) for one in free_s], weights=dict(weights))
     return library.add(replace(first, about=about, others=tuple(others)))
+
+
+def _without_guesses(performance: Performance) -> Performance:
+    """A dance without the joints of limbs that are only guessed, as feet that a webcam does not see: the body shows them, but
+    nobody is graded by them.
+    """
+    joints_m, guessed = performance.joints_m.copy(), performance.confidence < SEEN_CONFIDENCE
+    guessed[:, [joint for joint in Joint if joint not in OF_LIMBS]] = False
+    joints_m[guessed] = np.nan
+    return Performance(joints_m, performance.times_s)
 
 
 def kpop_teachers(path: Path) -> dict[str, Performance]:

@@ -83,6 +83,21 @@ def test_nearest_frames_are_taken_at_a_constant_rate_of_at_most_15_minutes(libra
         at_rate(Performance(np.zeros((2, 15, 3)), np.array([0.0, 7000.0])), 30.0)
 
 
+def test_joints_of_limbs_that_were_guessed_are_shown_but_not_taught(library, tmp_path):
+    performance, feet = library.dance("dance_001").performance, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
+    confidence = np.ones((len(performance), 15))
+    confidence[:, [*feet, Joint.TORSO]] = 0.1
+    confidence[60:90, Joint.LEFT_HAND] = 0.1
+    own = Library(tmp_path, library.body)
+    guessed = Performance(performance.joints_m, performance.times_s, confidence)
+    dance = own.dance(add_group(own, [guessed], "webcam", "before a webcam"))
+    missing = np.isnan(dance.joints_m[..., 0])
+    assert missing[:, feet].all() and missing[60:90, Joint.LEFT_HAND].all()
+    assert missing.sum() == 2 * len(missing) + 30  # the torso stays
+    sure = own.dance(add_group(own, [performance], "sure", "sure"))
+    np.testing.assert_array_equal(dance.quats, sure.quats)
+
+
 def directions(joints_m):
     bones = np.stack([joints_m[:, child] - joints_m[:, parent] for parent, child in BONES], axis=1)
     return bones / np.linalg.norm(bones, axis=-1, keepdims=True)
