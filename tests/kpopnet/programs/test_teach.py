@@ -100,7 +100,8 @@ def test_a_dance_before_a_depth_camera_is_added(run, tmp_path, danced):
     assert seen.about.name == "Seen" and seen.about.own
     true_m = danced.joints_m[: len(seen.joints_m)]
     errors_m = np.linalg.norm((seen.joints_m - true_m) - (seen.joints_m - true_m)[:, [Joint.TORSO]], axis=2)
-    assert np.median(errors_m) < 0.1  # of another person than the teacher
+    assert np.isfinite(errors_m).mean() > 0.9  # those of limbs that were only guessed are not taught
+    assert np.nanmedian(errors_m) < 0.1  # of another person than the teacher
 
 
 MISTAKES = {
