@@ -16,6 +16,9 @@ TIME = "time_s"
 TIMES = {TIME: 1.0, "timestamp_ms": 0.001}
 """Names of a frame's time, and seconds per unit."""
 
+NUMBERS = ("frame", "frame_index")
+"""Names of a frame's number."""
+
 _COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence|visibility)", re.IGNORECASE)
 
 
@@ -77,14 +80,19 @@ def read_csv(path: Path) -> NamedPoints:
         joints = {name: [_number(row[place], f"{path}, line {line}") for place in own] for name, own in places.items()}
         times = {time: _number(row[header.index(time)], f"{path}, line {line}") for time in TIMES if time in header}
         frames.append({"joints": joints} | times)
-    numbers = [row[header.index("frame")].strip() for _, row in rows] if "frame" in header else []
-    if not any(time in header for time in TIMES) and len(set(numbers)) == len(rows) and all(map(str.isdecimal, numbers)):
-        by_number = dict(zip(numbers, frames, strict=True))
-        frames = list(_with_those_between(by_number, path, min(map(int, numbers))).values())
+    number_at = next((number for number, word in enumerate(header) if word.lower() in NUMBERS), None)
+    if number_at is not None and not any(time in header for time in TIMES):
+        numbers = [row[number_at].strip() for _, row in rows]
+        if all(map(str.isdecimal, numbers)):
+            expect(
+                len(set(numbers)) == len(numbers), str(path), "one line for each frame; give each person a file of their own"
+            )
+            by_number = dict(zip(numbers, frames, strict=True))
+            frames = list(_with_those_between(by_number, path, min(map(int, numbers))).values())
     return joint_points(frames, None, str(path))
 
 
-_LONG = {"name": ("name", "landmark", "landmark_name", "joint", "keypoint"), "frame": ("frame", "frame_index", *TIMES)} | {
+_LONG = {"name": ("name", "landmark", "landmark_name", "joint", "keypoint"), "frame": (*NUMBERS, *TIMES)} | {
     axis: (f"world_{axis}", axis)
     for axis in "xyz"  # beside which plain ones are of the picture
 }
@@ -119,7 +127,7 @@ def _long_points(rows: list[tuple[int, list[str]]], places: dict[str, int], path
 
 
 def _with_those_between(frames: dict[str, dict], path: Path, first: int) -> dict[str, dict]:
-    """Frames by their numbers, with those between that have no line, since nobody was found in them.
+    """Frames by their numbers, with those between that have no line, since no person was found in them.
 
     They count from `first`, or from an earlier one that is there.
     """
