@@ -70,7 +70,7 @@ def add_group(
 
 def _without_guesses(performance: Performance) -> Performance:
     """A dance without the joints of limbs that are only guessed, as feet that a webcam does not see: the body shows them, but
-    nobody is graded by them.
+    no learner is graded by them.
     """
     joints_m, guessed = performance.joints_m.copy(), performance.confidence < SEEN_CONFIDENCE
     guessed[:, [joint for joint in Joint if joint not in OF_LIMBS]] = False
