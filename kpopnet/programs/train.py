@@ -157,13 +157,15 @@ class FinderTrainingConfig:
         data: where the room images are.
         training: how the finder is trained.
         seed: of weights, order and mirroring.
-        threads: of torch; 0 takes all cores.
+        device: auto, cpu or cuda.
+        threads: of torch on the CPU; 0 takes all cores.
     """
 
     out: str = "outputs/finder"
     data: DataConfig = field(default_factory=lambda: DataConfig("data/room_images/train", "data/room_images/validation"))
     training: FinderTraining = field(default_factory=FinderTraining)
     seed: int = 0
+    device: str = "auto"
     threads: int = 0
 
     def __post_init__(self) -> None:
@@ -224,6 +226,6 @@ def main(config: NetworkTrainingConfig | TreeWalkTrainingConfig | FinderTraining
         run_tree_walk_training(config)
     elif isinstance(config, FinderTrainingConfig):
         with locked(config.out):
-            train_finder(config.training, config.seed, asdict(config.data), Path(config.out), config.threads)
+            train_finder(config.training, config.seed, asdict(config.data), Path(config.out), config.threads, config.device)
     else:
         run_network_training(config)

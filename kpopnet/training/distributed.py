@@ -47,17 +47,22 @@ class Processes:
         )
 
 
+def device_kind(device: str) -> str:
+    """cpu or cuda, which `auto` takes where torch finds a GPU; raises InputError for other names, or cuda without a GPU."""
+    if device not in ("auto", "cpu", "cuda"):
+        raise InputError(f"device={device}: expected auto, cpu or cuda")
+    if device == "cuda" and not torch.cuda.is_available():
+        raise InputError("device=cuda: torch finds no GPU; use device=cpu")
+    return "cuda" if device != "cpu" and torch.cuda.is_available() else "cpu"
+
+
 @contextmanager
 def join_processes(device: str) -> Iterator[Processes]:
     """Joins the processes that torchrun started, if any: NCCL on GPUs, gloo on CPUs.
 
     Raises InputError if the device is not cpu, cuda or auto (a GPU if available), or there is no GPU.
     """
-    if device not in ("auto", "cpu", "cuda"):
-        raise InputError(f"device={device}: expected auto, cpu or cuda")
-    if device == "cuda" and not torch.cuda.is_available():
-        raise InputError("device=cuda: torch finds no GPU; use device=cpu")
-    kind = "cuda" if device != "cpu" and torch.cuda.is_available() else "cpu"
+    kind = device_kind(device)
     count = int(os.environ.get("WORLD_SIZE", "1"))
     if count == 1:
         yield Processes(torch.device(kind))

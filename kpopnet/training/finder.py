@@ -27,11 +27,13 @@ from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.input_files import parsing, read_json, read_with
 from kpopnet.skeleton import Joint
 from kpopnet.training.descent import Descent
+from kpopnet.training.distributed import device_kind
 from kpopnet.training.loop import progress_bar
 
 log = logging.getLogger(__name__)
 
 WEIGHTS, STATE, META = "finder.safetensors", "finder_state.pt", "finder.json"
+CPU = torch.device("cpu")
 CLIP_NORM = 1.0
 MIRROR_STREAM = 0x3166
 AREA_CELLS = 150.0
@@ -88,26 +90,27 @@ class LoadedImages:
     def __len__(self) -> int:
         return len(self.depth_mm)
 
-    def batch(self, rows: np.ndarray, mirrored: np.ndarray) -> tuple[Tensor, Target]:
-        """The input and the target of some images, each mirrored or not."""
+    def batch(self, rows: np.ndarray, mirrored: np.ndarray, device: torch.device = CPU) -> tuple[Tensor, Target]:
+        """The input and the target of some images, each mirrored or not, on a device."""
         depth_mm, labels = self.depth_mm[rows].astype(np.int32), self.labels[rows]
         intrinsics, torsos_m = self.intrinsics[rows].copy(), np.nan_to_num(self.torsos_m[rows])
         depth_mm[mirrored], labels[mirrored] = depth_mm[mirrored, :, ::-1], labels[mirrored, :, ::-1]
         intrinsics[mirrored, 2] = CANVAS[0] - 1 - intrinsics[mirrored, 2]
         torsos_m[mirrored, :, 0] *= -1
-        depth_m = torch.from_numpy(depth_mm).float() / MM_PER_METRE
-        of_cells = torch.from_numpy(np.ascontiguousarray(labels[:, ::STRIDE, ::STRIDE])).long()
-        return self._target(depth_m, of_cells, torch.from_numpy(intrinsics), torch.from_numpy(torsos_m))
+        of_cells = np.ascontiguousarray(labels[:, ::STRIDE, ::STRIDE])
+        on_device = (torch.from_numpy(one).to(device) for one in (depth_mm, of_cells, intrinsics, torsos_m))
+        return self._target(*on_device)
 
-    def _target(self, depth_m: Tensor, of_cells: Tensor, intrinsics: Tensor, torsos_m: Tensor) -> tuple[Tensor, Target]:
+    def _target(self, depth_mm: Tensor, of_cells: Tensor, intrinsics: Tensor, torsos_m: Tensor) -> tuple[Tensor, Target]:
+        depth_m, of_cells = depth_mm.float() / MM_PER_METRE, of_cells.long()
         image = observed(depth_m, intrinsics).contiguous(memory_format=torch.channels_last)
         points_m = cell_points_m(depth_m, intrinsics)
         one_hot = nn.functional.one_hot(of_cells, MOST_PEOPLE + 1)  # (B, h, w, 7)
         areas = one_hot.sum((1, 2)).float()
         weights = (AREA_CELLS / areas.clamp(min=1.0)).sqrt().clamp(max=MOST_WEIGHT)
         weights[:, 0] = 1.0
-        rows = torch.arange(len(of_cells))[:, None, None]
-        padded_m = torch.cat([torch.zeros(len(of_cells), 1, 3), torsos_m], 1)
+        rows = torch.arange(len(of_cells), device=of_cells.device)[:, None, None]
+        padded_m = nn.functional.pad(torsos_m, (0, 0, 1, 0))
         measured = points_m[:, 2] > 0
         return image, Target(
             person=(of_cells > 0).float(),
@@ -119,14 +122,14 @@ class LoadedImages:
 class FinderRun(Descent):
     """The state of a training."""
 
-    def __init__(self, config: FinderTraining, seed: int, folder: Path) -> None:
-        self.config, self.seed, self.folder = config, seed, folder
+    def __init__(self, config: FinderTraining, seed: int, folder: Path, device: torch.device = CPU) -> None:
+        self.config, self.seed, self.folder, self.device = config, seed, folder, device
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             network = FinderNetwork().to(memory_format=torch.channels_last)
         if config.start is not None and not config.resume:
             network.load_state_dict(load_network(config.start).state_dict())
-        super().__init__(network, "muon", config.lr, config.steps, CLIP_NORM)
+        super().__init__(network.to(device), "muon", config.lr, config.steps, CLIP_NORM)
         if config.resume:
             self.load()
         elif (folder / STATE).exists():
@@ -148,7 +151,7 @@ class FinderRun(Descent):
 
     def save(self, described: dict) -> None:
         """Writes weights, description and state, each whole or not at all; the state last: before it a killed run goes back."""
-        weights = {name: value.contiguous() for name, value in self.average.state_dict().items()}
+        weights = {name: value.contiguous().cpu() for name, value in self.average.state_dict().items()}
         with atomic_path(self.folder / WEIGHTS) as part:
             part.write_bytes(safetensors.torch.save(weights))
         write_json(self.folder / META, {"step": self.step, **described})
@@ -158,24 +161,26 @@ class FinderRun(Descent):
     def load(self) -> None:
         """Goes on from the state in the folder; raises InputError if it is missing or damaged."""
         path = self.folder / STATE
-        state = read_with(lambda path: torch.load(path, weights_only=True), path, "missing or damaged; cannot be resumed")
+        state = read_with(
+            lambda path: torch.load(path, weights_only=True, map_location="cpu"), path, "missing or damaged; cannot be resumed"
+        )
         with parsing(path, "its state does not fit this version"):
             self.load_state(state)
             self.average.load_state_dict(state["average"])
 
 
 @torch.inference_mode()
-def validate(network: FinderNetwork, images: LoadedImages, batch_size: int) -> dict[str, float]:
+def validate(network: FinderNetwork, images: LoadedImages, batch_size: int, device: torch.device = CPU) -> dict[str, float]:
     """Share of person cells found and of found cells that are right, at probability 0.5; median error of votes, metres."""
     found = right = wanted = 0.0
     errors, terms = [], []
     for start in range(0, len(images), batch_size):
         rows = np.arange(start, min(start + batch_size, len(images)))
-        image, target = images.batch(rows, np.zeros(len(rows), bool))
+        image, target = images.batch(rows, np.zeros(len(rows), bool), device)
         seen = network(image)
         person, said = (target.person > 0) & (target.weight > 0), (seen.person_logit > 0) & (target.weight > 0)
         found, right, wanted = found + float(said.sum()), right + float((said & person).sum()), wanted + float(person.sum())
-        errors.append((seen.vote_m - target.vote_m).norm(dim=1)[person].numpy())
+        errors.append((seen.vote_m - target.vote_m).norm(dim=1)[person].cpu().numpy())
         terms.append(float(sum(loss(seen, target).values())))
     return {
         "recall": right / max(wanted, 1),
@@ -185,15 +190,18 @@ def validate(network: FinderNetwork, images: LoadedImages, batch_size: int) -> d
     }
 
 
-def train_finder(config: FinderTraining, seed: int, data: dict[str, str], out: Path, threads: int) -> None:
+def train_finder(
+    config: FinderTraining, seed: int, data: dict[str, str], out: Path, threads: int, device: str = "auto"
+) -> None:
     """Trains a finder on the room images in the folders `train` and `validation` of `data`; writes its weights to `out`.
 
-    Raises InputError for no room images, another run in the folder, or a loss that is not finite.
+    Raises InputError for no room images, another run in the folder, no such device, or a loss that is not finite.
     """
+    on = torch.device(device_kind(device))
     if threads:
         torch.set_num_threads(threads)
     out.mkdir(parents=True, exist_ok=True)
-    run = FinderRun(config, seed, out)
+    run = FinderRun(config, seed, out, on)
     images, validation = LoadedImages(data["train"]), LoadedImages(data["validation"])
     check_others(images.hash, validation.hash, data["validation"])
     size, settings = config.batch_size, asdict(config)
@@ -210,11 +218,11 @@ def train_finder(config: FinderTraining, seed: int, data: dict[str, str], out: P
             positions = np.arange(run.step * size, (run.step + 1) * size)
             rows = np.array([permutation(seed, int(p // len(images)), len(images))[p % len(images)] for p in positions])
             mirrored = np.random.default_rng([seed, MIRROR_STREAM, run.step]).random(size) < 0.5
-            terms = run.update(*images.batch(rows, mirrored))
+            terms = run.update(*images.batch(rows, mirrored, on))
             bar.update()
             bar.set_postfix({name: f"{value:.3f}" for name, value in terms.items()}, refresh=False)
             if run.step % config.validate_every == 0 or run.step == config.steps:
-                metrics = validate(run.average, validation, size)
+                metrics = validate(run.average, validation, size, on)
                 run.save({"metrics": metrics, **described})
                 log.info(
                     f"step {run.step:,} of {config.steps:,}: of the people's cells {100 * metrics['recall']:.1f} % found, of "

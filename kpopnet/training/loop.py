@@ -103,6 +103,10 @@ class TrainingConfig:
         if not (0 < self.lr < math.inf and self.clip_norm > 0):
             raise InputError(f"expected training.lr > 0 and training.clip_norm > 0, found {self.lr} and {self.clip_norm}")
         check_one_of("training.optimiser", self.optimiser, OPTIMISERS)
+        if self.batch_size % self.augment.views:
+            raise InputError(
+                f"training.batch_size={self.batch_size}: expected a multiple of augment.views={self.augment.views}"
+            )
 
 
 @dataclass
@@ -276,7 +280,7 @@ def train(
             log.info(
                 f"seed {config.seed}, {workers} data worker(s) per process, on {processes.describe(threads)}\n"
                 f"{len(source):,} training and {len(validation):,} validation samples; "
-                f"{training.steps * training.batch_size / len(source):.1f} epochs\n"
+                f"{training.steps * training.batch_size / training.augment.views / len(source):.1f} epochs\n"
                 f"{model.name}: {parameters:,} parameters, crops of {model.crop_px} px; "
                 f"steps {run.step:,} to {training.steps:,} of {training.batch_size} samples, lr up to {training.lr:g}\n"
                 f"into {out}; watch with: tensorboard --logdir {out}"
@@ -293,11 +297,13 @@ def train(
 def training_batches(config: RunConfig, source: ObservationSource, processes: Processes) -> CropBatches:
     """This process's part of the batches of every step."""
     training = config.training
-    if training.batch_size % processes.count:
+    observations = training.batch_size // training.augment.views
+    if observations % processes.count:
         raise InputError(
-            f"training.batch_size={training.batch_size} cannot be divided evenly among {processes.count} processes"
+            f"training.batch_size={training.batch_size} cannot be divided evenly among {processes.count} processes, "
+            f"in groups of augment.views={training.augment.views}"
         )
-    order = ShuffledOrder(len(source), training.batch_size, config.seed, processes.rank, processes.count)
+    order = ShuffledOrder(len(source), observations, config.seed, processes.rank, processes.count)
     small = round(training.small_crops.share * training.steps), training.small_crops.crop_px
     return CropBatches(source, config.model, order, config.seed, training.augment, config.ridge, small)
 

@@ -83,6 +83,23 @@ def test_augmentation_moves_crop_and_target_together():
     np.testing.assert_array_equal(batch.offset_m, plain.offset_m)
 
 
+def test_each_observation_of_a_batch_is_seen_in_as_many_views_as_asked_for():
+    one, four = (AugmentConfig(views=views) for views in (1, 4))
+    alone, together = batches(augment=one)[3], batches(augment=four)[3]
+    for name in ("crop", "target", "cube_m", "offset_m"):
+        several = np.asarray(getattr(together, name)).reshape(8, 4, *getattr(alone, name).shape[1:])
+        np.testing.assert_array_equal(several[:, 0], getattr(alone, name), err_msg=name)
+        differ = [len(np.unique(row.reshape(4, -1), axis=0)) for row in several]
+        assert differ == 8 * [1 if name == "offset_m" else 4], name
+    # Shifted and scaled alone, each view says the same of where the joints are.
+    still = AugmentConfig(views=3, mirror=0, rotation_deg=0, occluder=0)
+    shifted = batches(augment=still)[0]
+    joints_m = [
+        Cube(cube_m[:3], cube_m[3]).to_metres(target) for cube_m, target in zip(shifted.cube_m, shifted.target, strict=True)
+    ]
+    np.testing.assert_allclose(joints_m, np.repeat(joints_m[::3], 3, axis=0), atol=1e-5)
+
+
 def test_any_rotation_turns_its_share_of_people_by_any_angle():
     still = AugmentConfig(mirror=0, rotation_deg=10, scale=0, jitter_m=0, occluder=0)
 

@@ -20,7 +20,7 @@ def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
     def settings(steps, resume=False):
         return FinderTraining(steps=steps, batch_size=2, validate_every=2, resume=resume)
 
-    train_finder(settings(4), 0, data, tmp_path / "whole", threads=1)
+    train_finder(settings(4), 0, data, tmp_path / "whole", threads=1, device="cpu")
     whole = (tmp_path / "whole" / WEIGHTS).read_bytes()
     run = tmp_path / "halves"
     # The learning rate spans all steps, so half a run is one of as many steps that was stopped.
@@ -28,17 +28,17 @@ def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(FinderRun, "save", _save_and_stop)
         with pytest.raises(KeyboardInterrupt):
-            train_finder(stopped, 0, data, run, threads=1)
+            train_finder(stopped, 0, data, run, threads=1, device="cpu")
     with pytest.raises(InputError, match="holds a run"):
-        train_finder(stopped, 0, data, run, threads=1)
+        train_finder(stopped, 0, data, run, threads=1, device="cpu")
     with pytest.raises(InputError, match=r"was begun with config=.*give it the same again"):
-        train_finder(settings(8, resume=True), 0, data, run, threads=1)
+        train_finder(settings(8, resume=True), 0, data, run, threads=1, device="cpu")
     others = str(write_room_images(tmp_path / "others"))
     with pytest.raises(InputError, match=r"was begun with images=.*give it the same again"):
-        train_finder(settings(4, resume=True), 0, data | {"train": others}, run, threads=1)
+        train_finder(settings(4, resume=True), 0, data | {"train": others}, run, threads=1, device="cpu")
     with pytest.raises(InputError, match=r"same people and scenes as are trained on.*benchmark.split=validation"):
-        train_finder(settings(4), 0, data | {"validation": data["train"]}, tmp_path / "same", threads=1)
-    train_finder(settings(4, resume=True), 0, data, run, threads=1)
+        train_finder(settings(4), 0, data | {"validation": data["train"]}, tmp_path / "same", threads=1, device="cpu")
+    train_finder(settings(4, resume=True), 0, data, run, threads=1, device="cpu")
     assert (run / WEIGHTS).read_bytes() == whole and (run / META).exists() and (run / STATE).exists()
 
 
