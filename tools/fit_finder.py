@@ -1,11 +1,11 @@
 """Fits how sure the finder may be of a person (SURE in kpopnet/finder/people.py), on validation images of simulated rooms.
 
-    python tools/fit_finder.py data/room_images/validation                           the finder that comes with the package
-    python tools/fit_finder.py data/room_images/validation --weights outputs/finder/RUN/finder.safetensors
+    python tools/fit_finder.py data/room_images/validation --judged data/room_images/other
+    python tools/fit_finder.py data/room_images/validation --judged data/room_images/other --weights RUN/finder.safetensors
 
 Run from the root of a checkout with `PYTHONPATH=.`. An estimate is right if its centre is within 30 cm of the torso of a person
 of whom at least half shows; of people of whom less shows it counts as neither. Prints the fit, and recall and precision by
-threshold.
+threshold on other images, such as those of the same split and another seed.
 """
 
 import argparse
@@ -13,6 +13,7 @@ import shlex
 import sys
 from datetime import date
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -64,36 +65,51 @@ def logistic(features: np.ndarray, right: np.ndarray) -> np.ndarray:
     return weights
 
 
-@user_errors
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("images", type=Path, help="folder of validation room images")
-    parser.add_argument("--weights", type=Path, help="a finder's weights; otherwise those that come with the package")
-    parser.add_argument("--out", type=Path, help="a JSON file for the figures, as those of results/")
-    given = parser.parse_args()
-    network, images = open_finder(given.weights and str(given.weights)), RoomImages(given.images)
-    features, right, wanted = [], [], 0
-    for number in tqdm(range(len(images)), "images", disable=None):
+class Judged(NamedTuple):
+    """The estimates in a set of images that count."""
+
+    features: np.ndarray  # (N, K) what certainty is judged by
+    right: np.ndarray  # (N,) bool
+    wanted: int  # people who should be found
+    images: int
+
+
+def judged_in(folder: Path, network: Network) -> Judged:
+    """Judges all estimates of a finder in a folder of room images."""
+    images, features, right, wanted = RoomImages(folder), [], [], 0
+    for number in tqdm(range(len(images)), str(folder), disable=None):
         people = people_of(network, images[number])
         is_right, counts, present = judged(images[number], people)
         features.append(certainty_features(people)[counts])
         right.append(is_right[counts])
         wanted += present
-    all_features, all_right = np.concatenate(features), np.concatenate(right)
-    weights = logistic(all_features, all_right)
+    return Judged(np.concatenate(features), np.concatenate(right), wanted, len(images))
+
+
+@user_errors
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("images", type=Path, help="folder of validation room images, to fit on")
+    parser.add_argument("--judged", type=Path, required=True, help="folder of others, for recall and precision")
+    parser.add_argument("--weights", type=Path, help="a finder's weights; otherwise those that come with the package")
+    parser.add_argument("--out", type=Path, help="a JSON file for the figures, as those of results/")
+    given = parser.parse_args()
+    network = open_finder(given.weights and str(given.weights))
+    fitted, other = judged_in(given.images, network), judged_in(given.judged, network)
+    weights = logistic(fitted.features, fitted.right)
     print(f"SURE = ({', '.join(f'{value:.2f}' for value in weights)})")
-    probability = 1 / (1 + np.exp(-(weights[0] + all_features @ weights[1:])))
-    print(f"{wanted} people of whom half shows, in {len(images)} images")
+    probability = 1 / (1 + np.exp(-(weights[0] + other.features @ weights[1:])))
+    print(f"{other.wanted} people of whom half shows, in {other.images} images")
     figures = {}
     for threshold in THRESHOLDS:
         reported = probability >= threshold
-        found = np.count_nonzero(reported & all_right)
-        recall, precision = found / max(wanted, 1), found / max(np.count_nonzero(reported), 1)
+        found = np.count_nonzero(reported & other.right)
+        recall, precision = found / max(other.wanted, 1), found / max(np.count_nonzero(reported), 1)
         figures[str(threshold)] = {"recall": float(recall), "precision": float(precision)}
         print(f"at {threshold}: recall {100 * recall:.1f} %, precision {100 * precision:.1f} %")
     if given.out:
         made = {"code": git_revision(), "command": shlex.join(["python", *sys.argv]), "date": f"{date.today()}"}
-        about = {"what": "SIMULATED rooms, images of validation", "images": len(images), "people": wanted}
+        about = {"what": "SIMULATED rooms, images of validation", "images": other.images, "people": other.wanted}
         write_json(given.out, about | {"sure": weights.tolist()} | made | {"at": figures})
 
 

@@ -48,7 +48,7 @@ class Processes:
 
 
 def device_kind(device: str) -> str:
-    """cpu or cuda, which `auto` takes where torch finds a GPU; raises InputError for other names, or cuda without a GPU."""
+    """`cuda`, which `auto` is where torch finds a GPU, or `cpu`; raises InputError for another name, or cuda without a GPU."""
     if device not in ("auto", "cpu", "cuda"):
         raise InputError(f"device={device}: expected auto, cpu or cuda")
     if device == "cuda" and not torch.cuda.is_available():

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.utils.data import DataLoader
 from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
@@ -34,6 +34,7 @@ from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import (
     complete_links,
+    load_network,
     load_state,
     load_weights,
     read_meta,
@@ -80,7 +81,8 @@ class TrainingConfig:
         small_crops: smaller crops for the first steps, for dense networks only.
         validate_every: steps between validations, each followed by a checkpoint; the last step always has one.
         validation_samples: number of evenly spaced samples of the validation set (all if it has fewer), kept in memory.
-        start: a checkpoint whose weights a new run starts from, to fine-tune a network for other cameras or motions.
+        start: a checkpoint whose weights a new run starts from, to fine-tune a network for other cameras or motions, or to go
+            on with a wider one (model.widths).
         resume: a checkpoint from which to resume a run, e.g. outputs/train/RUN/last.
     """
 
@@ -241,15 +243,31 @@ def refuse_other_run(folder: Path, resume: str | None) -> None:
 
 
 def load_initial_weights(network: PoseNetwork, checkpoint: str) -> None:
-    """Loads the weights of a checkpoint into a new network; raises InputError if it is of another model."""
-    found, expected = read_meta(checkpoint)["model"], asdict(network.config)
+    """Loads the weights of a checkpoint into a new network, which may be wider; raises InputError if it is of another model."""
+    meta = read_meta(checkpoint)
+    found, expected = meta["model"], asdict(network.config)
     # The weights of a dense network fit crops of any size.
     free = ("crop_px",) if network.config.kind == "dense" else ()
+    wider = all(new >= old for new, old in zip(expected["widths"], found["widths"], strict=True))
+    free += ("widths",) if wider else ()
     other = [name for name in expected if name not in free and found.get(name, expected[name]) != expected[name]]
     if other:
         settings = " ".join(f"model.{name}={str(found[name]).replace(' ', '')}" for name in other)
         raise InputError(f"training.start={checkpoint} has another model; give it: {settings}")
-    load_weights(network, checkpoint)
+    began_with, _ = load_network(checkpoint)
+    widen(network, began_with.state_dict())
+
+
+@torch.no_grad()
+def widen(network: nn.Module, weights: dict[str, Tensor]) -> None:
+    """Loads the weights of a network with as many or fewer channels. Of further channels each has its initial weights, and is
+    heard by further ones alone at first: the network says what the other one says.
+    """
+    for name, value in network.state_dict().items():
+        narrow = weights[name]
+        if narrow.ndim > 1:
+            value[: len(narrow), narrow.shape[1] :] = 0
+        value[tuple(slice(size) for size in narrow.shape)] = narrow
 
 
 def train(

@@ -16,7 +16,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder, SmallCropsConfig
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import read_meta
+from kpopnet.networks.checkpoint import load_network, read_meta
 from kpopnet.networks.network import build_network
 from kpopnet.training import loop
 from kpopnet.training.distributed import Processes, join_processes
@@ -262,3 +262,22 @@ def test_a_dense_network_goes_on_with_crops_of_another_size_and_a_holistic_one_r
         assert torch.equal(weight, saved[name])
     with pytest.raises(InputError, match=r"another model; give it: model\.crop_px=32"):
         begun("holistic")
+
+
+@pytest.mark.parametrize("kind", ["dense", "holistic"])
+def test_a_wider_network_begins_as_the_narrower_one_and_learns_with_all_its_channels(tmp_path, kind):
+    run_short(tmp_path, replace(SHORT, steps=1), replace(MODEL, kind=kind))
+    start = replace(SHORT, start=str(tmp_path / "best"))
+    wide = Run(start, replace(MODEL, kind=kind, widths=[8, 16, 16, 32]), 0, Processes(torch.device("cpu")))
+    narrow, _ = load_network(tmp_path / "best")
+    batch = first_batch()
+    with torch.inference_mode():
+        # The batch statistics of new channels are those of an untrained network, of which nothing is heard.
+        said, expected = wide.network.eval()(batch.crop), narrow(batch.crop)
+    torch.testing.assert_close(said.joints, expected.joints, atol=1e-5, rtol=1e-5)
+    torch.testing.assert_close(said.confidence, expected.confidence, atol=1e-5, rtol=1e-5)
+    wide.update(batch)
+    unheard = wide.network.encoder.coarse[1].first[0].weight[:16, 16:]
+    assert (unheard != 0).float().mean() > 0.5
+    with pytest.raises(InputError, match=r"another model; give it: model\.widths=\[8,8,16,16\]"):
+        Run(start, replace(MODEL, kind=kind, widths=[8, 8, 8, 32]), 0, Processes(torch.device("cpu")))
