@@ -64,8 +64,8 @@ def starter() -> subprocess.Popen:
 
 
 def environment() -> dict[str, str]:
-    """One thread, and the tests' helpers can be imported."""
-    path = os.pathsep.join((str(ROOT), str(ROOT / "tests" / "helpers")))
+    """One thread, and the tests' helpers can be imported, as can what could be before."""
+    path = os.pathsep.join((str(ROOT), str(ROOT / "tests" / "helpers"), os.environ.get("PYTHONPATH", ""))).rstrip(os.pathsep)
     return os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": path}
 
 
