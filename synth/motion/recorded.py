@@ -13,9 +13,11 @@ The split is that of the index, in which no subject is in two of train, val and 
 """
 
 import csv
+import hashlib
 import io
 import itertools
 import logging
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
 
@@ -119,14 +121,25 @@ def open_clips(path: str | Path, split: str, fps: float | None = None) -> Record
     folder = Path(path)
     if (folder / "index.csv").is_file():
         return _open_pack(folder, split)
-    files = [folder] if folder.is_file() else sorted(folder.glob("*"))
-    files = [file for file in files if file.suffix.lower() == ".bvh" and file.is_file()]
-    if files:
+    if files := _bvh_files(folder):
         return _open_bvh(folder, files, split, fps)
     found = "does not exist" if not folder.exists() else "holds neither an index.csv nor *.bvh files"
     raise InputError(
         f"motion.path={path} {found}; expected a motion pack, BVH files or a folder of them. motion=choreography needs no data"
     )
+
+
+def _bvh_files(path: Path) -> list[Path]:
+    files = [path] if path.is_file() else sorted(path.glob("*"))
+    return [file for file in files if file.suffix.lower() == ".bvh" and file.is_file()]
+
+
+def bvh_digest(path: str | Path) -> str | None:
+    """Twelve hexadecimal digits that identify the BVH files at a path by their names and sizes; None for a motion pack."""
+    if (Path(path) / "index.csv").is_file():
+        return None
+    listed = [f"{file.name}/{file.stat().st_size}" for file in _bvh_files(Path(path))]
+    return hashlib.sha256(os.fsencode("\n".join(listed))).hexdigest()[:12] if listed else None
 
 
 def _open_bvh(path: Path, files: list[Path], split: str, fps: float | None) -> Recordings:
