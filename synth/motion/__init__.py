@@ -108,8 +108,8 @@ def build_motion(config: MotionConfig, split: str) -> MotionSource:
     """Builds the source that a config names, for the split train, validation or test.
 
     Clips and choreography also give whole sequences: len(source) of them, by source.motion(index). Motion packs are split by
-    their index, so that no subject is in two splits; a folder of BVH files is split by file, if it holds enough files;
-    dances are split by their seeds. Procedural poses have no split. Raises InputError if recordings cannot be read.
+    their index, so that no subject is in two splits; a folder of BVH files is split by the files' names, if it holds
+    enough; dances are split by their seeds. Procedural poses have no split. Raises InputError if recordings cannot be read.
     """
     check_one_of("split", split, SPLITS)
     if config.source == "clips":
