@@ -46,12 +46,14 @@ def add_depth(parser: argparse.ArgumentParser) -> None:
 
 OF_RECORDINGS = ("camera", "fov", "focal", "fps", "depth_scale", "key")
 OF_DEPTH = (*OF_RECORDINGS, "rotate", "segmented")
+LEFT_OUT = {"rotate": 0, "segmented": False, "loop": False}
+"""What argparse puts for a word that is left out, where that is not None."""
 
 
 def check_not_given(given: argparse.Namespace, names: tuple[str, ...], why: str) -> None:
     """Raises InputError where one of these words was given, which would change nothing: `why` says why."""
     for name in names:
-        if getattr(given, name, None):
+        if getattr(given, name, None) not in (None, LEFT_OUT.get(name)):  # a 0 or an empty text was given too
             raise InputError(f"--{name.replace('_', '-')}: {why}")
 
 

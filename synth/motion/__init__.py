@@ -15,10 +15,10 @@ import numpy as np
 from kpopnet.errors import InputError, check_between, check_one_of, check_seed
 from synth.motion.choreography.composer import Choreography
 from synth.motion.poses.families import ProceduralPoses
-from synth.motion.recorded import open_clips
+from synth.motion.recorded import bvh_digest, open_clips
 from synth.motion.skeleton import Poses
 
-__all__ = ["SPLITS", "MixedPoses", "MotionConfig", "MotionSource", "Poses", "build_motion"]
+__all__ = ["SPLITS", "MixedPoses", "MotionConfig", "MotionSource", "Poses", "build_motion", "identity_of_recordings"]
 
 
 class MotionSource(Protocol):
@@ -94,12 +94,22 @@ class MixedPoses:
         return Poses(drawn.quats[inverse], drawn.root_m[inverse], drawn.leg_m[inverse], names)
 
 
+def identity_of_recordings(config: MotionConfig) -> dict[str, str]:
+    """What says, beside its path, which BVH files a config uses, for the identity of a set.
+
+    Empty without any. It is empty for a motion pack too, of whose sets on disk the path alone is the identity.
+    """
+    uses_clips = config.source == "clips" or (config.source == "mix" and config.weights.get("clips", 0) > 0)
+    digest = bvh_digest(config.path) if uses_clips and config.path is not None else None
+    return {} if digest is None else {"bvh_files": digest}
+
+
 def build_motion(config: MotionConfig, split: str) -> MotionSource:
     """Builds the source that a config names, for the split train, validation or test.
 
     Clips and choreography also give whole sequences: len(source) of them, by source.motion(index). Motion packs are split by
-    their index, so that no subject is in two splits; a folder of BVH files is split by file, if it holds enough files;
-    dances are split by their seeds. Procedural poses have no split. Raises InputError if recordings cannot be read.
+    their index, so that no subject is in two splits; a folder of BVH files is split by the files' names, if it holds
+    enough; dances are split by their seeds. Procedural poses have no split. Raises InputError if recordings cannot be read.
     """
     check_one_of("split", split, SPLITS)
     if config.source == "clips":

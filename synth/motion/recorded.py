@@ -13,9 +13,11 @@ The split is that of the index, in which no subject is in two of train, val and 
 """
 
 import csv
+import hashlib
 import io
 import itertools
 import logging
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
 
@@ -47,8 +49,9 @@ CACHED_FRAMES = 500_000
 MAX_CLIP_S, MAX_ROOT_M = 1e5, 1e4
 
 SPLIT_PERIOD = 8
-"""Of as many BVH files, in the order of their names, one belongs to validation and one to test. Fewer files are used for all
-splits, with a warning: a measurement on them uses motions of the training set."""
+"""Of as many BVH files one belongs to validation and one to test, on average: each by its own name, so that one that is added
+to a folder moves no other. Fewer files, and all where a split gets none, are used for every such split, with a warning: a
+measurement on them uses motions of the training set."""
 
 _CLIP = {
     "quat": ArraySchema("if", ("frames", NUM_JOINTS, 4)),
@@ -119,9 +122,7 @@ def open_clips(path: str | Path, split: str, fps: float | None = None) -> Record
     folder = Path(path)
     if (folder / "index.csv").is_file():
         return _open_pack(folder, split)
-    files = [folder] if folder.is_file() else sorted(folder.glob("*"))
-    files = [file for file in files if file.suffix.lower() == ".bvh" and file.is_file()]
-    if files:
+    if files := _bvh_files(folder):
         return _open_bvh(folder, files, split, fps)
     found = "does not exist" if not folder.exists() else "holds neither an index.csv nor *.bvh files"
     raise InputError(
@@ -129,12 +130,31 @@ def open_clips(path: str | Path, split: str, fps: float | None = None) -> Record
     )
 
 
+def _bvh_files(path: Path) -> list[Path]:
+    files = [path] if path.is_file() else sorted(path.glob("*"))
+    return [file for file in files if file.suffix.lower() == ".bvh" and file.is_file()]
+
+
+def bvh_digest(path: str | Path) -> str | None:
+    """Twelve hexadecimal digits that identify the BVH files at a path by their names and sizes; None for a motion pack."""
+    if (Path(path) / "index.csv").is_file():
+        return None
+    listed = [f"{file.name}/{file.stat().st_size}" for file in _bvh_files(Path(path))]
+    return hashlib.sha256(os.fsencode("\n".join(listed))).hexdigest()[:12] if listed else None
+
+
+def _split_of(file: Path) -> str:
+    """The split of a BVH file in a folder that holds enough."""
+    number = int.from_bytes(hashlib.sha256(os.fsencode(file.stem)).digest()) % SPLIT_PERIOD
+    return {SPLIT_PERIOD - 2: "validation", SPLIT_PERIOD - 1: "test"}.get(number, "train")
+
+
 def _open_bvh(path: Path, files: list[Path], split: str, fps: float | None) -> Recordings:
-    if len(files) < SPLIT_PERIOD:
+    kept = [file for file in files if _split_of(file) == split]
+    if len(files) < SPLIT_PERIOD or not kept:
         log.warning("%s: %d BVH files are too few to split; %s uses them all", path, len(files), split)
     else:
-        kept = {"validation": [SPLIT_PERIOD - 2], "test": [SPLIT_PERIOD - 1]}.get(split, range(SPLIT_PERIOD - 2))
-        files = [file for k, file in enumerate(files) if k % SPLIT_PERIOD in kept]
+        files = kept
 
     def read(index: int) -> Recording:
         motion = bvh_motion(files[index], fps)

@@ -23,6 +23,7 @@ from kpopnet.runtime.atomic_write import atomic_hdf5, atomic_path, remove_unfini
 from kpopnet.skeleton import JOINT_NAMES
 from kpopnet.viz.drawing import TRUE, depth_rgb, enlarged, probability_rgb, save_png, scene_tile, sheet, with_captions
 from synth.body.asset import ASSET
+from synth.motion import identity_of_recordings
 from synth.resumable import make_missing
 from synth.samples.layers import silhouette_box
 from synth.samples.observe import Background, FreezeConfig, freeze
@@ -70,10 +71,11 @@ class SetConfig:
         return shard * self.shard_size, min((shard + 1) * self.shard_size, self.count)
 
     def as_json(self) -> str:
-        """Everything that the samples depend on, as JSON: the settings but `count`, the versions and the body asset."""
+        """Everything that the samples depend on, as JSON: settings but `count`, versions, the body asset and BVH files."""
         described = {name: value for name, value in dataclasses.asdict(self).items() if name != "count"}
         body = hashlib.sha256(ASSET.read_bytes()).hexdigest()[:12]
-        return json.dumps(described | {"version": VERSION, "generator": GENERATOR, "body_asset": body}, sort_keys=True)
+        described |= {"version": VERSION, "generator": GENERATOR, "body_asset": body}
+        return json.dumps(described | identity_of_recordings(self.sample.motion), sort_keys=True)
 
     @property
     def hash(self) -> str:

@@ -17,7 +17,7 @@ from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
 from kpopnet.runtime.input_files import read_json
 from kpopnet.viz.drawing import save_png
 from synth.body.asset import ASSET
-from synth.motion import MotionConfig, build_motion
+from synth.motion import MotionConfig, build_motion, identity_of_recordings
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, resampled
 from synth.resumable import make_missing
@@ -94,11 +94,12 @@ class SetGenerator(ABC):
         """RGB image of a few frames of the set with the true joints."""
 
     def as_json(self) -> str:
-        """The settings as JSON, without the size of the set, with the generator's version and the body's digest."""
+        """The settings as JSON, without the size of the set, with the generator's version and digests of body and BVH files."""
         settings = asdict(self)
         del settings["benchmark"][f"{self.part}s"]
         body = hashlib.sha256(ASSET.read_bytes()).hexdigest()[:12]
-        return json.dumps(settings | {"generator": self.generator, "body_asset": body}, sort_keys=True)
+        settings |= {"generator": self.generator, "body_asset": body} | identity_of_recordings(self.motion)
+        return json.dumps(settings, sort_keys=True)
 
     @property
     def hash(self) -> str:

@@ -11,7 +11,8 @@ Three defects of the popular cgspeed conversion of the CMU recordings are correc
 
 import logging
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,7 @@ class BvhMotion:
         t_pose: (J, 4) world rotations of the T-pose that the file opened with, if it did.
         leg_m: length from hip through knee to ankle.
         metres: per unit of the file.
+        to_canonical: quaternion from the file's axes to these.
     """
 
     found: dict[str, int]
@@ -58,6 +60,7 @@ class BvhMotion:
     fps: float
     leg_m: float
     metres: float
+    to_canonical: np.ndarray
 
 
 def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:
@@ -86,7 +89,34 @@ def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:
     if not 1 <= rate <= 1000:
         raise InputError(f"{path}: states {rate:g} frames a second; give the true rate, fps, 1 to 1000")
     root_m = rotate(to_canonical, root) * metres
-    return BvhMotion(found, bvh.parents, rest, rotated, root_m, t_pose, rate, float(leg) * metres, metres)
+    return BvhMotion(found, bvh.parents, rest, rotated, root_m, t_pose, rate, float(leg) * metres, metres, to_canonical)
+
+
+def read_bvh_group(paths: Sequence[Path], fps: float | None = None) -> list[BvhMotion]:
+    """Reads a file for each dancer of a group who was recorded together, all in one unit and in the same axes.
+
+    A file whose legs fit no unit of length is in that of the others, and without any other in that of the first. Raises
+    InputError for a file in another unit than the others, or whose rest pose stands or faces otherwise than the first's.
+    """
+    motions = [read_bvh_motion(path, fps) for path in paths]
+    unit_from = next((k for k, motion in enumerate(motions) if motion.metres in _UNITS_M.values()), 0)
+    metres = motions[unit_from].metres if motions else 1.0
+    for path, motion in zip(paths, motions, strict=True):
+        if motion.metres in _UNITS_M.values() and motion.metres != metres:
+            raise InputError(f"{path}: in another unit than {paths[unit_from]}; dancers of a group share one frame")
+        if motion.metres != metres:
+            log.warning("%s: taken in the unit of %s instead", path.name, paths[unit_from].name)
+        if not np.array_equal(motion.to_canonical, motions[0].to_canonical):
+            raise InputError(
+                f"{path}: its rest pose stands or faces otherwise than that of {paths[0]}; dancers of a group share one frame"
+            )
+    return [_in_unit(motion, metres) for motion in motions]
+
+
+def _in_unit(motion: BvhMotion, metres: float) -> BvhMotion:
+    """A motion whose file is in units of so many metres."""
+    factor = metres / motion.metres
+    return replace(motion, metres=metres, root_m=factor * motion.root_m, leg_m=factor * motion.leg_m)
 
 
 def bvh_points(motion: BvhMotion) -> NamedPoints:

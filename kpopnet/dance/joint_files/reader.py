@@ -1,13 +1,13 @@
 """Reads a recording of joints from a file of any of the known formats: a reader for each kind of file."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kpopnet.dance.joint_files import amass
-from kpopnet.dance.joint_files.bvh_motion import bvh_points, read_bvh_motion
+from kpopnet.dance.joint_files.bvh_motion import BvhMotion, bvh_points, read_bvh_group
 from kpopnet.dance.joint_files.gltf import read_gltf
 from kpopnet.dance.joint_files.markers import read_c3d, read_npy, read_trc
 from kpopnet.dance.joint_files.points import (
@@ -64,19 +64,24 @@ def read_performances(paths: Sequence[Path], fps: float | None = None, joint_map
 
     All stand before one camera, which the first faces at first, in the places that they had.
     """
-    group = [(_recorded(path, fps, joint_map), str(path)) for path in paths]
+    of_bvh = [path for path in paths if path.suffix.lower() == ".bvh"]
+    motions = dict(zip(of_bvh, read_bvh_group(of_bvh, fps), strict=True))
+    group = [(_recorded(path, fps, joint_map, motions), str(path)) for path in paths]
     own = [one for one, _ in group if isinstance(one, Performance)]
     named = [(one, where) for one, where in group if not isinstance(one, Performance)]
     expect(not own or not named, str(paths[-1]), "a file of the same kind as the others'")
     return own or named_performances(named, fps)
 
 
-def _recorded(path: Path, fps: float | None, joint_map: Path | None) -> NamedPoints | Performance:
+def _recorded(
+    path: Path, fps: float | None, joint_map: Path | None, motions: Mapping[Path, BvhMotion]
+) -> NamedPoints | Performance:
+    """What a file holds; `motions` are those of the BVH files."""
     match path.suffix.lower():
         case ".npz":
             recorded = _read_npz(path, fps)
         case ".bvh":
-            recorded = bvh_points(read_bvh_motion(path, fps))
+            recorded = bvh_points(motions[path])
         case ".npy":
             expect(joint_map is not None, str(path), "--joint-map FILE beside an array without names of joints")
             recorded = read_npy(path)

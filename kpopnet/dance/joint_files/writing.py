@@ -30,6 +30,9 @@ CM_PER_METRE = 100.0
 LEFT, UP, DOWN = np.array([1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, -1.0, 0])
 """Directions in the axes of BVH files: x to the left of a person who faces z, y up."""
 
+MIN_INTERVAL_S, MAX_INTERVAL_S = 0.001, 1.0
+"""Of the frames of a BVH file, of which `kpopnet.dance.joint_files.bvh_motion` reads 1 to 1000 a second."""
+
 HAND_CM, TOE_CM, CROWN_CM = 8.0, 8.0, 12.0
 """Lengths of the bones beyond the last joints, which only draw hands, feet and head."""
 
@@ -113,6 +116,11 @@ def _bvh(performance: Performance) -> str:
     local = np.concatenate([worlds[:, :1], multiply(conjugate(worlds[:, parents[1:]]), worlds[:, 1:])], axis=1)
     times_s = performance.times_s
     interval_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 1 / 30
+    if not MIN_INTERVAL_S <= round(interval_s, 8) <= MAX_INTERVAL_S:  # as the text has it
+        raise InputError(
+            f"frames are {interval_s:g} s apart, in the median; BVH, unlike the other formats, needs one interval for all, of "
+            f"{MIN_INTERVAL_S:g} to {MAX_INTERVAL_S:g} s"
+        )
     even_s = times_s[0] + interval_s * np.arange(round((times_s[-1] - times_s[0]) / interval_s) + 1)
     nearest = np.rint(np.interp(even_s, times_s, np.arange(len(times_s)))).astype(int)
     offsets_cm, ends_cm = np.array([(bone.offset_cm, bone.end_cm) for bone in bones.values()]).swapaxes(0, 1)

@@ -41,6 +41,7 @@ def test_a_reader_that_ends_ends_the_stream_in_silence(tmp_path):
         (("nothing.npz", "--stream", "json", "--port-out", "9000"), "--port-out 9000: expected 1 to 65535, with --stream osc"),
         (("nothing.npz", "--stream", "vmc", "--port-out", "65534", "--people", "3"), "--port-out 65534: expected 1 to 65533"),
         (("tcp:127.0.0.1:9", "--fov", "60"), "--fov: a live camera states its own; it is for recordings"),
+        (("tcp:127.0.0.1:9", "--fps", "0"), "--fps: a live camera"),
         (("tcp:127.0.0.1:9", "--loop"), "--loop: a live camera"),
         (("nothing.npz", "--port", "-1"), "--port -1"),
     ],

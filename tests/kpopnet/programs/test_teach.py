@@ -111,6 +111,7 @@ MISTAKES = {
     ("add", "missing.bvh", "--free", "9", "4"): "free from 9 to 4 s",
     ("add", "missing.bvh", "--weights", "hands=1"): "hands",
     ("add", "missing.bvh", "--camera", "kinect_v1"): "--camera: for recordings of depth; missing.bvh holds joints",
+    ("add", "missing.bvh", "--depth-scale", "0"): "--depth-scale: for recordings of depth; missing.bvh holds joints",
     ("add", "missing.bvh", "--people", "2"): "--people: expected a recording of depth; of joints, a file for each dancer",
     ("--rotate", "90", "--no-browser"): "--rotate: for the recording of --depth",
     ("--fps", "25", "--no-browser"): "--fps: for the recording of --depth",

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bvh_files import write_bvh
+from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.reader import read_performances
 from kpopnet.errors import InputError
@@ -16,6 +18,7 @@ from kpopnet.teacher.live.lesson import Lesson
 from kpopnet.teacher.live.loop import Learner, from_the_left, taught_to
 from kpopnet.teacher.live.score import kept_formation
 from kpopnet.teacher.posing import as_bvh
+from synth.motion.choreography.composer import dance as composed
 
 PLACES_M = {"ann": (0.0, 0.0), "bea": (1.5, 0.6), "cho": (-1.2, 0.0)}  # to the dancers' left, away from the camera
 
@@ -59,6 +62,38 @@ def test_files_of_two_kinds_or_without_common_time_are_no_group(group, tmp_path,
     first, late = (read_performances([tmp_path / f"{name}.npz"])[0] for name in ("own", "points"))
     with pytest.raises(InputError, match="a dance lasts 5 to"):
         add_group(group[0], [first, late], "own.npz", "none")
+
+
+def hip_widths_m(performance):
+    joints_m = performance.joints_m
+    return np.linalg.norm(joints_m[:, Joint.LEFT_HIP] - joints_m[:, Joint.RIGHT_HIP], axis=1)
+
+
+def test_bvh_files_of_a_group_are_in_one_unit(tmp_path):
+    """A leg of 0.85 m is metres; one of 1.18 m alone fits no unit, and is an adult's of the mean size then."""
+    motion = composed(0, seconds=2.0)
+    mean, tall = write_bvh(tmp_path / "mean.bvh", motion, unit=1.0), write_bvh(tmp_path / "tall.bvh", motion, unit=0.72)
+    for paths in ([mean, tall], [tall, mean]):
+        widths_m = dict(zip(paths, map(hip_widths_m, read_performances(paths)), strict=True))
+        np.testing.assert_allclose(widths_m[tall], widths_m[mean] / 0.72, rtol=1e-4)
+    np.testing.assert_allclose(hip_widths_m(read_performances([tall])[0]), widths_m[mean], rtol=1e-3)
+    first, again = map(hip_widths_m, read_performances([tall, write_bvh(tmp_path / "as_tall.bvh", motion, unit=0.74)]))
+    np.testing.assert_allclose(again, first * 0.72 / 0.74, rtol=1e-4)
+
+
+def test_a_bvh_file_in_another_unit_or_other_axes_than_the_groups_is_named(tmp_path):
+    motion = composed(0, seconds=2.0)
+    first = write_bvh(tmp_path / "first.bvh", motion)
+    metres = write_bvh(tmp_path / "metres.bvh", motion, unit=1.0)
+    z_up = write_bvh(tmp_path / "z_up.bvh", motion, axes=Rotation.from_euler("x", 90, degrees=True))
+    behind = write_bvh(tmp_path / "behind.bvh", motion, axes=Rotation.from_euler("y", 180, degrees=True))
+    with pytest.raises(InputError, match=r"metres\.bvh: in another unit than .*first\.bvh; dancers of a group share one frame"):
+        read_performances([first, metres])
+    for other in (z_up, behind):
+        with pytest.raises(
+            InputError, match=rf"{other.name}: its rest pose stands or faces otherwise than that of .*first\.bvh"
+        ):
+            read_performances([first, other])
 
 
 def test_learners_dance_neighbours_in_the_order_in_which_they_stand(group):

@@ -170,6 +170,9 @@ def test_a_missing_joint_is_reported_with_the_file_and_the_joints_found(tmp_path
     [
         ("CHANNELS 3", "CHANNELS 4", r"line \d+: expected .CHANNELS"),
         ("Frames: 60", "Frames: 999999999", "frame 61 of 999999999 was expected; the file is truncated"),
+        ("Frame Time: 0.0333", "Frame Time: 0", r"line \d+: expected a frame time above zero"),
+        ("Frame Time: 0.0333", "Frame Time: -0.0333", r"line \d+: expected a frame time above zero"),
+        ("Frame Time: 0.0333", "Frame Time: 2", "states 0.5 frames a second"),
     ],
 )
 def test_malformed_and_hostile_files_are_refused_with_the_line(tmp_path, old, new, message):

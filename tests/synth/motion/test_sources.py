@@ -5,10 +5,13 @@ import pytest
 from bvh_files import write_bvh
 
 from kpopnet.errors import InputError
-from synth.motion import SPLITS, MixedPoses, MotionConfig, build_motion
+from synth.motion import SPLITS, MixedPoses, MotionConfig, build_motion, identity_of_recordings
 from synth.motion.choreography.composer import dance
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.skeleton import LEG_M, REST_OFFSETS_M, Motion
+from synth.samples.sampler import SampleConfig
+from synth.samples.writer import SetConfig
+from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
 STILL = Motion(np.tile(np.eye(4, dtype=np.float32)[0], (3, 23, 1)), np.ones((3, 3), np.float32), 30.0, "still", LEG_M)
 
@@ -67,17 +70,51 @@ def test_single_poses_of_a_pack_are_uniform_over_time_and_never_bad_frames(pack)
     assert apart > 1e-4
 
 
-def test_bvh_files_are_clips_split_by_file(tmp_path):
-    for k in range(9):
+def used_by_split(folder):
+    return {split: {clips(folder, split).motion(i).name for i in range(len(clips(folder, split)))} for split in SPLITS}
+
+
+def test_bvh_files_are_clips_split_by_name(tmp_path):
+    for k in range(24):
         write_bvh(tmp_path / f"{k}.bvh", STILL)
-    used = {split: [clips(tmp_path, split).motion(i).name for i in range(len(clips(tmp_path, split)))] for split in SPLITS}
-    assert used["validation"] == ["bvh:6"] and used["test"] == ["bvh:7"]
-    assert used["train"] == [f"bvh:{k}" for k in (0, 1, 2, 3, 4, 5, 8)]
+    used = used_by_split(tmp_path)
+    assert set().union(*used.values()) == {f"bvh:{k}" for k in range(24)} and sum(map(len, used.values())) == 24
+    assert all(used.values()) and len(used["train"]) > 12
+    for name in ("00", "1 more", "zz"):
+        write_bvh(tmp_path / f"{name}.bvh", STILL)
+    assert all(used[split] <= names for split, names in used_by_split(tmp_path).items())  # none goes to another split
     one = clips(tmp_path / "2.bvh", fps=60.0)
     assert len(one) == 1 and one.motion(0).fps == 60.0
     poses = clips(tmp_path).poses(generators(20))
     np.testing.assert_allclose(poses.leg_m, LEG_M, atol=1e-5)
     np.testing.assert_allclose(poses.quats, np.broadcast_to([1, 0, 0, 0], poses.quats.shape), atol=1e-6)
+
+
+def test_a_split_that_gets_none_of_the_bvh_files_uses_all_and_says_so(tmp_path, caplog):
+    for k in (0, 1, 2, 4, 5, 6, 7, 8):  # all of them belong to train by their names
+        write_bvh(tmp_path / f"{k}.bvh", STILL)
+    assert len(clips(tmp_path)) == 8 and "too few" not in caplog.text
+    assert len(clips(tmp_path, "test")) == 8 and "8 BVH files are too few to split; test uses them all" in caplog.text
+
+
+def test_a_set_is_identified_by_its_bvh_files_beside_their_path(tmp_path, pack):
+    write_bvh(tmp_path / "a.bvh", STILL)
+
+    def identities(folder):
+        motion = MotionConfig(source="clips", path=str(folder))
+        mixed = MotionConfig(source="mix", path=str(folder), weights={"clips": 1.0})
+        samples = (SetConfig(SampleConfig(renderer="cpu", motion=one), 3, "train", 10, 5, None) for one in (motion, mixed))
+        return [EvalSim(EvalSimConfig(seed=3), motion=motion).hash, *(one.hash for one in samples)]
+
+    before = identities(tmp_path)
+    assert identities(tmp_path) == before
+    write_bvh(tmp_path / "b.bvh", STILL)
+    assert not set(identities(tmp_path)) & set(before)
+    (tmp_path / "b.bvh").unlink()
+    assert identities(tmp_path) == before
+    # Sets on disk that were made from a motion pack are known by its path alone.
+    assert identity_of_recordings(MotionConfig(source="clips", path=str(pack))) == {}
+    assert identity_of_recordings(MotionConfig(source="choreography", path=str(tmp_path))) == {}
 
 
 def test_a_path_without_motion_is_refused_with_the_remedy(tmp_path):

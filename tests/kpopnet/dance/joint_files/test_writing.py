@@ -69,6 +69,14 @@ def test_bvh_follows_the_clock_where_frames_are_missing_and_fills_gaps(tmp_path)
     assert {"Hips", "Spine", "LeftForeArm", "RightUpLeg", "Head"} <= set(bvh.names)
 
 
+@pytest.mark.parametrize("fps", [1, 1000])
+def test_bvh_of_the_lowest_and_of_the_highest_rate_is_read_again(fps, tmp_path):
+    joints_m = dance_joints_m(3)
+    write_performance(tmp_path / "a.bvh", Performance(joints_m, 0.3 + np.arange(len(joints_m)) / fps))
+    again = read_performance(tmp_path / "a.bvh")
+    assert len(again) == len(joints_m) and again.times_s[1] == pytest.approx(1 / fps)
+
+
 def test_a_single_frame_and_straight_opposite_limbs_make_a_bvh(tmp_path):
     joints_m = dance_joints_m(0)[:1].copy()
     for side, sign in (("LEFT", -1), ("RIGHT", 1)):  # folded onto the trunk: opposite to the rest pose
@@ -88,6 +96,10 @@ def test_what_cannot_be_written_is_told_in_one_line(tmp_path):
     joints_m = dance_joints_m(0).copy()
     with pytest.raises(InputError, match=r"a\.txt: expected a name that ends with \.npz"):
         write_performance(tmp_path / "a.txt", performed(joints_m))
+    for interval_s in (2.0, 1e-9):  # the second would make a frame for each of its intervals in the last gap
+        times_s = np.append(interval_s * np.arange(len(joints_m) - 1), 7000.0)
+        with pytest.raises(InputError, match=rf"frames are {interval_s:g} s apart, in the median; BVH.* 0\.001 to 1 s"):
+            write_performance(tmp_path / "a.bvh", Performance(joints_m, times_s))
     joints_m[:, Joint.LEFT_FOOT] = np.nan
     with pytest.raises(InputError, match="left_foot is missing in every frame"):
         write_performance(tmp_path / "a.bvh", performed(joints_m))
