@@ -49,9 +49,9 @@ CACHED_FRAMES = 500_000
 MAX_CLIP_S, MAX_ROOT_M = 1e5, 1e4
 
 SPLIT_PERIOD = 8
-"""Of as many BVH files one belongs to validation and one to test, on average: each by its own name, so that one that is added
-to a folder moves no other. Fewer files, and all where a split gets none, are used for every such split, with a warning: a
-measurement on them uses motions of the training set."""
+"""Of as many BVH files one belongs to validation and one to test, on average, and at least one: each by its own name, so that
+one that is added to many moves no other. Fewer files are used for all splits, with a warning: a measurement on them uses
+motions of the training set."""
 
 _CLIP = {
     "quat": ArraySchema("if", ("frames", NUM_JOINTS, 4)),
@@ -143,18 +143,23 @@ def bvh_digest(path: str | Path) -> str | None:
     return hashlib.sha256(os.fsencode("\n".join(listed))).hexdigest()[:12] if listed else None
 
 
-def _split_of(file: Path) -> str:
-    """The split of a BVH file in a folder that holds enough."""
-    number = int.from_bytes(hashlib.sha256(os.fsencode(file.stem)).digest()) % SPLIT_PERIOD
-    return {SPLIT_PERIOD - 2: "validation", SPLIT_PERIOD - 1: "test"}.get(number, "train")
+def _split(files: list[Path], split: str) -> list[Path]:
+    """Those of at least SPLIT_PERIOD BVH files that belong to a split, in the order of their names."""
+    draws = {file: int.from_bytes(hashlib.sha256(os.fsencode(file.stem)).digest()) % 2**32 / 2**32 for file in files}
+    places = sorted(files, key=lambda file: draws[file], reverse=True)
+    tests, validations = (
+        max(1, sum(high - 1 <= SPLIT_PERIOD * draw < high for draw in draws.values()))
+        for high in (SPLIT_PERIOD, SPLIT_PERIOD - 1)
+    )
+    first, last = {"test": (0, tests), "validation": (tests, tests + validations)}.get(split, (tests + validations, None))
+    return sorted(places[first:last])
 
 
 def _open_bvh(path: Path, files: list[Path], split: str, fps: float | None) -> Recordings:
-    kept = [file for file in files if _split_of(file) == split]
-    if len(files) < SPLIT_PERIOD or not kept:
+    if len(files) < SPLIT_PERIOD:
         log.warning("%s: %d BVH files are too few to split; %s uses them all", path, len(files), split)
     else:
-        files = kept
+        files = _split(files, split)
 
     def read(index: int) -> Recording:
         motion = bvh_motion(files[index], fps)
