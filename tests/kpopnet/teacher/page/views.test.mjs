@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { allOf } from "./dom.mjs";
 
 const PAGE = "../../../../kpopnet/teacher/page/";
-const { controls } = await import(`${PAGE}panels.js`);
+const { controls, taught } = await import(`${PAGE}panels.js`);
 const { after } = await import(`${PAGE}hands.js`);
 const { phraseAt } = await import(`${PAGE}practice.js`);
 const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
@@ -38,6 +38,16 @@ test("dancers are counted from the left of who faces the screen, with the mirror
   mirrored.checked = false;
   mirrored.listeners.change();
   assert.equal(told(), "321");
+});
+
+test("learners dance as the group stands, from their own left, with the mirror and without it, and are told whom", () => {
+  const parts = wanting({ phrase_s: 4, seconds: 8, others: [{}, {}] }, "dancer=1"), { mirrored, dancer } = parts;
+  const told = (people) => taught(parts, people).map((k) => dancer.options[k].textContent[0]).join("");
+  assert.deepEqual([1, 2, 3].map(told), ["2", "23", "123"]);
+  mirrored.checked = false; // who stands on the left dances the one further right on the screen
+  mirrored.listeners.change();
+  assert.deepEqual([1, 2, 3].map(told), ["2", "21", "321"]);
+  assert.deepEqual(taught(wanting({ phrase_s: 4, seconds: 8, others: [{}] }, ""), 3), [0, 1, 1]);
 });
 
 test("a song that was read more slowly than the one chosen after it leaves that one's beats alone, and what is kept of it", async () => {
