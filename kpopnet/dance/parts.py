@@ -29,7 +29,7 @@ import numpy as np
 
 from kpopnet.dance.dtw import best_match, constant_delay, distances_on_path
 from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features
-from kpopnet.dance.noise.steady import steady_similarity, steady_squared
+from kpopnet.dance.noise.steady import FEATURE, steady_similarity, steady_squared
 from kpopnet.dance.noise.table import NOISE, doubt, kept_by_noise, known_noise, steady_by_noise
 from kpopnet.dance.window import (
     BAND_FRAMES,
@@ -46,7 +46,6 @@ from kpopnet.dance.window import (
 )
 from kpopnet.errors import InputError, check_one_of
 
-FEATURE = "dance22_turn"
 MIRRORINGS = ("false", "true", "auto")
 
 HOP_S = 0.5

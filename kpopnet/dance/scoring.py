@@ -18,9 +18,10 @@ from kpopnet.dance.dimensions.movement import Dynamics, Rhythm, dynamics, rhythm
 from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, stage_score
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features, dance_features
+from kpopnet.dance.noise.steady import FEATURE
 from kpopnet.dance.noise.table import known_noise
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
-from kpopnet.dance.parts import FEATURE, PartScorer, PartTeacher
+from kpopnet.dance.parts import PartScorer, PartTeacher
 from kpopnet.dance.performance import Performance, as_performance, resampled
 from kpopnet.dance.timing import MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore, not_compared

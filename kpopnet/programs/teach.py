@@ -47,6 +47,7 @@ FOLDER = Path("outputs/teach")
 PORT = 8471
 SIMULATED, RECORDING = "simulated", "recording"
 CAMERA_FPS = 30.0
+TOO_SLOW_S = 5.0  # for so long images are left out before a recording that falls farther behind is given up
 MOST_LETTERS = 60  # of a title
 
 
@@ -75,7 +76,7 @@ class RecordedCamera:
     """A recording that is played while the dance goes on; a `LiveCamera`.
 
     Before the dance it runs up to the image with which the excerpt begins; in a pause, and after its own end, it shows the last
-    one. Images that are read too late for the dance are left out.
+    one. Images that are read too late for the dance are left out; `read` raises InputError where that would be all of them.
     """
 
     def __init__(self, source: DepthSource, clock: DanceClock) -> None:
@@ -99,8 +100,12 @@ class RecordedCamera:
         if self._danced and clock.stopped:
             self._rewind()
         self._danced |= clock.running
+        begun, begun_s = time.monotonic(), self._early_s()
         while clock.running and self._early_s() < late_s:
             self._coming = next(self._images, None)
+            if time.monotonic() > begun + TOO_SLOW_S and self._early_s() < begun_s:
+                text = "this machine reads it more slowly than the dance goes on; slow the dance, or make the images smaller"
+                raise InputError(f"{self._source.name}: {text}")
         while clock.running and 0 < self._early_s() < math.inf:
             time.sleep(0.002)
         if self._coming is not None and self._early_s() <= (0 if clock.running else late_s):

@@ -15,7 +15,6 @@ from synth.body.asset import load_body
 from synth.dances.live import LiveLearner
 
 CAMERA = Camera.from_fov(64.0, 640, 480)
-FPS = 30.0
 STAMP_BITS, STAMP_PX = 12, 16
 CLOTH_M = 0.004
 """Where the surface lies farther from the skin than this, it is cloth, hair or a shoe."""

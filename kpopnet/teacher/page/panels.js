@@ -43,6 +43,13 @@ export function controls(dance, offer, wanted) {
   return parts;
 }
 
+// Whom learners dance, from their own left: the chosen dancer and the next ones towards the group's own right, with the mirror and
+// without it, so that the learners' formation is the group's. Without it the group is shown, as the learners are, from before it.
+export function taught(parts, people) {
+  const last = parts.dancer.options.length - 1, first = Math.max(Math.min(Number(parts.dancer.value), last + 1 - people), 0);
+  return Array.from({ length: people }, (_, k) => Math.min(first + k, last));
+}
+
 export function panels(main, dance, parts, song) {
   const shown = {
     teacher: el("canvas", { id: "teacher", "aria-label": say("the teacher, in 3D; the left and right keys turn the view") }),

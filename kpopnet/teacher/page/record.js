@@ -12,7 +12,7 @@ const COUNTS = 4, USUAL_BPM = 120, LONGEST_S = 300, LEAST_S = 5;
 const PREVIEW_PX = [320, 240], FLOOR_CM = 20;
 
 export async function record(main) {
-  const sound = new Sound(), state = { webcam: null, start: 0, frames: [], seconds: 0, closed: false };
+  const sound = new Sound(), state = { webcam: null, start: 0, frames: [], seconds: 0, saving: false, closed: false };
   const music = choice("music", MUSIC, remembered("music", "tick")), tempo = el("input", { type: "number", id: "bpm", min: 40, max: 240, value: USUAL_BPM });
   const song = songPanel(heard), start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.webcam ? stop("") : begin()) }, say("Record"));
   const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
@@ -125,14 +125,14 @@ export async function record(main) {
     const [from_s, to_s] = bounds(), long = to_s - from_s >= LEAST_S;
     excerpt.textContent = say(long ? "{start} to {end}, {seconds} s" : "{start} to {end}, {seconds} s: at least {least} s, please",
       { start: clock(from_s), end: clock(to_s), seconds: Math.max(to_s - from_s, 0).toFixed(1), least: LEAST_S });
-    editor.querySelector("#save").disabled = !long;
+    editor.querySelector("#save").disabled = !long || state.saving;
   }
 
   async function save(event) {
     event.preventDefault();
-    const button = editor.querySelector("#save");
-    if (button.disabled) return; // it is being saved
-    button.disabled = true;
+    if (editor.querySelector("#save").disabled) return;
+    state.saving = true;
+    cut();
     failed.textContent = "";
     const query = new URLSearchParams({ file: "dance.json", title: name.value.trim(), bpm: 60 / state.beat_s });
     try {
@@ -140,6 +140,7 @@ export async function record(main) {
       if (!state.closed) location.hash = `#/dance/${identity}`;
     } catch ({ message }) {
       failed.textContent = message;
+      state.saving = false;
       cut();
     }
   }

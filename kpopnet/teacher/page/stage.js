@@ -6,7 +6,7 @@ import { Lane } from "./lane.js";
 import { after, follow, handsFree, letChoose, watching } from "./hands.js";
 import { liveFor } from "./live.js";
 import { inOrder } from "./menu.js";
-import { controls, panels } from "./panels.js";
+import { controls, panels, taught } from "./panels.js";
 import { Practice } from "./practice.js";
 import { songAt, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
@@ -87,15 +87,14 @@ export async function stage(main, identity, wanted) {
     view.close();
   };
 
-  // Dancers of a group whom no learner dances are faint. Several learners dance the chosen dancer and the next ones on the group's
-  // own right.
+  // Dancers of a group whom no learner dances are faint.
   function showDanced() {
-    const first = Math.max(Math.min(Number(parts.dancer.value), group.length - peopleOf()), 0);
+    const all = taught(parts, peopleOf());
     group.forEach(({ mesh }, k) => {
-      const danced = k >= first && k < first + peopleOf();
+      const danced = all.includes(k);
       Object.assign(mesh.material, { transparent: !danced, opacity: danced ? 1 : FAINT, needsUpdate: true });
     });
-    Object.assign(lane, { moves: [dance, ...dance.others][first].moves, shown: null });
+    Object.assign(lane, { moves: [dance, ...dance.others][all[0]].moves, shown: null });
     view.changed = true;
   }
 
@@ -302,14 +301,15 @@ export async function stage(main, identity, wanted) {
     if (shown.words.textContent === reason) shown.words.textContent = "";
   }
 
-  // How many dance beside each other, and a line for each where there are several.
+  // How many dance beside each other, and a line for each where there are several: in a group also whom they dance.
   function peopleOf() {
     return parts.people.disabled ? 1 : Number(parts.people.value);
   }
 
   function showMembers() {
     members = peopleOf() > 1 ? OF_LEARNERS.slice(0, peopleOf()).map((colour) => ({ colour, score: el("b", {}, "–"), stars: el("i"), verdict: el("span") })) : [];
-    shown.members.replaceChildren(...members.map(({ colour, score, stars, verdict: said }) => el("li", {}, swatch(colour), score, stars, " ", said)));
+    const whom = taught(parts, peopleOf()).map((k) => (group.length > 1 ? el("small", {}, parts.dancer.options[k].textContent, " ") : null));
+    shown.members.replaceChildren(...members.map(({ colour, score, stars, verdict: said }, k) => el("li", {}, swatch(colour), score, stars, " ", whom[k], said)));
     shown.stage.classList.toggle("several", members.length > 0);
   }
 

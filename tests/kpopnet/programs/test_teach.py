@@ -18,6 +18,7 @@ from depth_files import sent_image, sent_line
 from programs import ROOT
 
 from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
 from kpopnet.programs import teach
 from kpopnet.programs.convert import write_dance
 from kpopnet.skeleton import Joint
@@ -231,6 +232,27 @@ def test_of_a_recording_is_seen_what_belongs_to_the_moment_of_the_dance(moments)
     clock.resume(2.2)
     check_up_to(66.0, least=89)
     check_up_to(69.0, least=30)
+
+
+@pytest.mark.parametrize(("speed", "too_slow"), [(1.0, True), (0.5, False)])
+def test_a_recording_that_is_read_more_slowly_than_the_dance_goes_on_says_so(moments, speed, too_slow):
+    """All images would be too late, and nobody would be seen until the dance is over."""
+
+    def timed():
+        for number in range(900):
+            moments.sleep(0.05)
+            yield TimedDepth(number / 30, np.full((1, 1), number / 30))
+
+    clock = DanceClock(0.0, speed)
+    camera = teach.RecordedCamera(SimpleNamespace(camera=None, name="slow.h5", timed=timed), clock)
+    clock.start(0.1)
+    if too_slow:
+        with pytest.raises(InputError, match=r"slow\.h5: this machine reads it more slowly"):
+            [camera.read() for _ in range(900)]
+        assert 5 < clock.dance_s(moments.monotonic()) < 6
+    else:
+        read = [camera.read() for _ in range(500)]
+        assert max(abs(clock.dance_s(taken) - depth_m[0, 0]) for depth_m, taken in read[5:]) < 0.04
 
 
 def test_a_person_before_another_programs_camera_is_seen_until_it_ends(tmp_path):

@@ -100,7 +100,9 @@ def test_learners_dance_neighbours_in_the_order_in_which_they_stand(group):
     dance = group[0].dance(group[1])
     told = {(1, 0): [0], (1, 2): [2], (1, 9): [2], (2, 1): [1, 2], (2, 2): [1, 2], (3, 1): [0, 1, 2]}
     for (people, dancer), expected in told.items():
-        assert taught_to(Lesson("dance_001", people=people, dancer=dancer), dance) == expected
+        for mirrored in (True, False):  # the formation is the group's in both
+            assert taught_to(Lesson("dance_001", people=people, dancer=dancer, mirrored=mirrored), dance) == expected
+    assert taught_to(Lesson("dance_001", people=3), replace(dance, others=dance.others[:1])) == [0, 1, 1]
     assert taught_to(Lesson("dance_001", people=3), replace(dance, others=())) == [0, 0, 0]
     learners = [Learner(), Learner(), Learner()]
     poses = [PersonPose(k, np.full((15, 3), x_m), np.ones(15)) for k, x_m in enumerate((-0.5, 1.0, 0.2))]

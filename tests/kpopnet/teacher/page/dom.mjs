@@ -25,8 +25,25 @@ class Node {
   addEventListener(kind, listener) {
     this.listeners[kind] = listener;
   }
+
+  // By "#identity" alone.
+  querySelector(selector) {
+    return allOf(this).find(({ id }) => `#${id}` === selector) || null;
+  }
+
+  getContext() {
+    return new Proxy({}, { get: () => () => {} }); // nothing is drawn
+  }
+
+  blur() {}
+
+  scrollIntoView() {}
 }
 
+// A node's descendants.
+export const allOf = (node) => node.children.filter((child) => child instanceof Node).flatMap((child) => [child, ...allOf(child)]);
+
 const stored = new Map();
+globalThis.HTMLCanvasElement = Node;
 globalThis.document = { createElement: (tag) => new Node(tag), getElementById: () => new Node("p"), body: new Node("body"), documentElement: new Node("html") };
 globalThis.localStorage = { getItem: (name) => stored.get(name) ?? null, setItem: (name, value) => stored.set(name, value) };

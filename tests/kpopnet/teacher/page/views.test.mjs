@@ -1,13 +1,14 @@
 // What the views build, without a browser.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import "./dom.mjs";
+import { allOf } from "./dom.mjs";
 
 const PAGE = "../../../../kpopnet/teacher/page/";
-const { controls } = await import(`${PAGE}panels.js`);
+const { controls, taught } = await import(`${PAGE}panels.js`);
 const { after } = await import(`${PAGE}hands.js`);
 const { phraseAt } = await import(`${PAGE}practice.js`);
 const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
+const { menu } = await import(`${PAGE}menu.js`);
 const { songAt, songPanel, songTempo } = await import(`${PAGE}song.js`);
 
 const OFFER = { sources: { simulated: "a simulated learner" }, skills: ["good"], faults: [""] };
@@ -39,6 +40,16 @@ test("dancers are counted from the left of who faces the screen, with the mirror
   assert.equal(told(), "321");
 });
 
+test("learners dance as the group stands, from their own left, with the mirror and without it, and are told whom", () => {
+  const parts = wanting({ phrase_s: 4, seconds: 8, others: [{}, {}] }, "dancer=1"), { mirrored, dancer } = parts;
+  const told = (people) => taught(parts, people).map((k) => dancer.options[k].textContent[0]).join("");
+  assert.deepEqual([1, 2, 3].map(told), ["2", "23", "123"]);
+  mirrored.checked = false; // who stands on the left dances the one further right on the screen
+  mirrored.listeners.change();
+  assert.deepEqual([1, 2, 3].map(told), ["2", "21", "321"]);
+  assert.deepEqual(taught(wanting({ phrase_s: 4, seconds: 8, others: [{}] }, ""), 3), [0, 1, 1]);
+});
+
 test("a song that was read more slowly than the one chosen after it leaves that one's beats alone, and what is kept of it", async () => {
   const waiting = {}; // files that are being read, by their tempo: what ends it
   Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
@@ -50,7 +61,7 @@ test("a song that was read more slowly than the one chosen after it leaves that 
   };
   const panel = songPanel(() => {}), file = (name, bpm) => ({ name, arrayBuffer: async () => bpm });
   const [slow, broken, chosen] = [panel.take(file("slow", 98)), panel.take(file("broken", 101)), panel.take(file("chosen", 124))];
-  await new Promise(setImmediate); // all are being read
+  await new Promise(globalThis.setImmediate); // all are being read
   for (const [bpm, how] of [[124, 0], [98, 0], [101, 1]]) waiting[bpm][how]();
   await Promise.all([slow, broken, chosen]);
   assert.ok(Math.abs(songTempo() - 124) < 0.5, songTempo());
@@ -59,4 +70,32 @@ test("a song that was read more slowly than the one chosen after it leaves that 
   const { at_s, rate } = songAt(0, 1), one_s = JSON.parse(localStorage.getItem("teach.song.chosen")).one_s;
   assert.ok(one_s >= 0 && at_s === one_s && rate === 1, "the dance begins on a one that the song has");
   assert.deepEqual(["slow", "broken", "chosen"].map((name) => localStorage.getItem(`teach.song.${name}`) !== null), [false, false, true]);
+});
+
+// Chooses the same file twice in an input for files, which tells of a change of its value alone.
+function chooseTwice(input, file) {
+  for (let k = 0; k < 2; k++) {
+    if (input.value) continue;
+    Object.assign(input, { value: file.name, files: [file] });
+    input.listeners.change();
+  }
+}
+
+test("a song or a dance that is chosen again is read again", async () => {
+  Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
+  let read = 0;
+  const ofSong = allOf(songPanel(() => {}).panel).find(({ id }) => id === "song-file");
+  chooseTwice(ofSong, { name: "a.mp3", arrayBuffer: () => { read++; return new Promise(() => {}); } });
+  assert.equal(read, 2);
+
+  const sent = [], main = Object.assign(document.createElement("main"), { isConnected: true });
+  Object.assign(globalThis, { IntersectionObserver: class { disconnect() {} }, matchMedia: () => ({ matches: true }) });
+  globalThis.fetch = async (path, { body }) => {
+    if (body) sent.push(body);
+    return Response.json(body ? { error: "damaged" } : path === "/api/offer" ? { sources: { simulated: "" } } : [], { status: body ? 400 : 200 });
+  };
+  const leave = await menu(main), file = { name: "mine.bvh" };
+  chooseTwice(allOf(main).find(({ type }) => type === "file"), file);
+  leave(); // ends its timer
+  assert.deepEqual(sent, [file, file]);
 });

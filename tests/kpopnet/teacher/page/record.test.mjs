@@ -1,0 +1,127 @@
+// Record and dance: a dance before a webcam that the test plays.
+import assert from "node:assert/strict";
+import { beforeEach, mock, test } from "node:test";
+import "./dom.mjs";
+
+let now_ms, video, onPose, track, listeners, view;
+const anything = new Proxy(() => {}, { get: (_, name) => (name === Symbol.toPrimitive ? () => 0 : anything), apply: () => anything });
+const { createElement } = document;
+Object.assign(globalThis, {
+  devicePixelRatio: 1, location: { hash: "" }, requestAnimationFrame() {}, getComputedStyle: () => ({}),
+  AudioContext: function AudioContext() { return anything; },
+  OfflineAudioContext: class { decodeAudioData = () => new Promise(() => {}); }, // a song that is read for as long as the test lasts
+  Pose: class {
+    setOptions() {}
+
+    async initialize() {}
+
+    reset() {}
+
+    onResults(found) { onPose = found; }
+
+    async send() {
+      onPose({ poseLandmarks: Array(33).fill({ x: 0.5, y: 0.5, visibility: 1 }), poseWorldLandmarks: Array(33).fill({ x: 0, y: 0, z: 0 }) });
+    }
+  },
+});
+Object.assign(document, {
+  head: { append: (script) => script.listeners.load() },
+  addEventListener: (kind, listener) => { listeners[kind] = listener; },
+  removeEventListener() {},
+  createElement: (tag) => Object.assign(createElement(tag), tag === "video" && {
+    videoWidth: 640, videoHeight: 480, async play() {}, requestVideoFrameCallback(take) { video = take; },
+  }),
+});
+Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
+Object.defineProperty(globalThis, "navigator", { value: { mediaDevices: { getUserMedia: async () => ({ getTracks: () => [track] }) } } });
+mock.method(performance, "now", () => now_ms);
+
+const PAGE = "../../../../kpopnet/teacher/page/";
+const { record } = await import(`${PAGE}record.js`);
+const { songTempo } = await import(`${PAGE}song.js`);
+const part = (id) => view.querySelector(`#${id}`);
+const settled = () => new Promise(globalThis.setImmediate);
+
+beforeEach(async () => {
+  [now_ms, listeners, location.hash, track] = [1000, {}, "", Object.assign(createElement("track"), { stop() {} })];
+  view = createElement("main");
+  await record(view);
+  part("music").value = "none";
+});
+
+async function picture(at_s) {
+  now_ms = 1000 * at_s;
+  video(now_ms, {});
+  await settled();
+}
+
+// Seen first at second 1; the four counts end at 3.3.
+async function dance(until_s) {
+  part("start").listeners.click();
+  await settled();
+  for (let at_s = 1; at_s <= until_s; at_s += 0.5) await picture(at_s);
+}
+
+function drop(name) {
+  listeners.drop({ type: "drop", dataTransfer: { files: [{ name, arrayBuffer: async () => new ArrayBuffer(0) }] }, preventDefault() {} });
+}
+
+const save = () => part("editor").listeners.submit({ preventDefault() {} });
+
+test("a song that is dropped while a dance is recorded is taken, and the recording goes on", async () => {
+  await dance(5);
+  drop("new.mp3");
+  assert.equal(part("music").value, "song");
+  assert.match(part("song-told").textContent, /new\.mp3/);
+  assert.equal(part("song-panel").hidden, false);
+  for (const at_s of [8, 12]) await picture(at_s);
+  part("start").listeners.click();
+  assert.equal(part("editor").hidden, false);
+  assert.match(part("excerpt").textContent, /8\.5 s/);
+});
+
+test("the tempo of a song does not stay when another is taken", async () => {
+  localStorage.setItem("teach.song.known.mp3", JSON.stringify({ bpm: 100, one_s: 0 }));
+  const { OfflineAudioContext } = globalThis;
+  globalThis.OfflineAudioContext = class { decodeAudioData = async () => null; };
+  drop("known.mp3");
+  await settled();
+  assert.deepEqual([songTempo(), part("bpm").disabled, part("bpm").value], [100, true, "100.0"]);
+  globalThis.OfflineAudioContext = OfflineAudioContext;
+  drop("unknown.mp3");
+  await settled();
+  assert.deepEqual([songTempo(), part("bpm").disabled], [0, false]);
+});
+
+test("a webcam that fails leaves what it has seen to be saved", async () => {
+  await dance(12);
+  track.listeners.ended();
+  assert.match(part("error").textContent, /no webcam was found/);
+  assert.equal(part("editor").hidden, false);
+  let sent;
+  globalThis.fetch = async (path, { body }) => { sent = JSON.parse(body); return Response.json({ identity: "mine" }); };
+  await save();
+  assert.equal(location.hash, "#/dance/mine");
+  assert.ok(sent.frames.length > 10 && sent.frames.at(-1).timestamp_ms >= 8000);
+});
+
+test("a lesson is saved once, and again if that failed", async () => {
+  await dance(12);
+  part("start").listeners.click();
+  const asked = [];
+  globalThis.fetch = (path) => new Promise((answer) => { asked.push([path, answer]); });
+  part("name").value = " Ours ";
+  const saving = save();
+  save();
+  part("from").listeners.input(); // the cut is moved meanwhile
+  save();
+  assert.equal(asked.length, 1);
+  assert.match(asked[0][0], /title=Ours&bpm=120$/);
+  asked[0][1](Response.json({ error: "the disk is full" }, { status: 500 }));
+  await saving;
+  assert.deepEqual([part("error").textContent, part("save").disabled], ["the disk is full", false]);
+  const again = save();
+  asked[1][1](Response.json({ identity: "ours" }));
+  await again;
+  assert.equal(location.hash, "#/dance/ours");
+});
