@@ -81,15 +81,24 @@ class OakCamera:
         return frame
 
     def _connect(self) -> None:
-        """Starts the depth of the camera; its first image tells the intrinsics and what is left of the lens's distortion."""
+        """Starts the depth of the camera, and stops it again where that fails: nobody would close what was never opened."""
+        try:
+            self._start()
+            self._look_through(self._next(START_S))
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self) -> None:
         try:
             self._pipeline, output = self._build()
             self._queue = output.createOutputQueue(maxSize=1, blocking=False)
             self._pipeline.start()
         except RuntimeError as error:
-            self.close()
             raise CameraAwayError(f"no OAK camera starts ({first_line(error)}); plug it in") from error
-        frame = self._next(START_S)
+
+    def _look_through(self, frame: Any) -> None:
+        """Takes the intrinsics, and what is left of the lens's distortion, from the camera's first image."""
         seen = frame.getTransformation()
         (fx, _, cx), (_, fy, cy), _ = seen.getIntrinsicMatrix()
         camera = Camera.from_numbers((fx, fy, cx, cy, frame.getWidth(), frame.getHeight()), f"{NAME}: intrinsics")

@@ -45,7 +45,7 @@ class Plugged:
     def build(self):
         if not self.is_there:
             raise RuntimeError("No available devices")
-        pipeline = depthai.Pipeline(False)
+        pipeline = self.pipeline = depthai.Pipeline(False)
         node = pipeline.create(Measuring)
         node.waiting = self._waiting = queue.Queue()
         self.measure(IMAGES[0])
@@ -118,6 +118,22 @@ def test_a_camera_vanishes_and_comes_back(plugged):
     with pytest.raises(InputError, match="another camera"):
         camera.read()
     camera.close()
+
+
+def test_the_pipeline_ends_with_the_camera_and_where_opening_fails(plugged):
+    camera = OakCamera(plugged.build)
+    assert plugged.pipeline.isRunning()
+    camera.close()
+    assert not plugged.pipeline.isRunning()
+    camera.close()  # twice is no error
+    plugged.fx = -1.0
+    with pytest.raises(InputError, match="intrinsics: a camera's fx=-1"):
+        OakCamera(plugged.build)
+    assert not plugged.pipeline.isRunning()
+    plugged.fx = 99.0  # another camera: none of its images may be taken for the first one's
+    with pytest.raises(InputError, match="another camera"):
+        camera.read()
+    assert not plugged.pipeline.isRunning()
 
 
 def test_without_a_camera_it_says_so():
