@@ -43,7 +43,7 @@ class SmallCropsConfig:
     """Smaller crops in the first part of a training: they cost less, and show most of what there is to learn.
 
     Attributes:
-        share: fraction of the steps that take them.
+        share: fraction of the steps that take them, below 1: the last steps take the network's own size.
         crop_px: their side in pixels, a multiple of 16.
     """
 

@@ -105,10 +105,20 @@ class TrainingConfig:
         if not (0 < self.lr < math.inf and self.clip_norm > 0):
             raise InputError(f"expected training.lr > 0 and training.clip_norm > 0, found {self.lr} and {self.clip_norm}")
         check_one_of("training.optimiser", self.optimiser, OPTIMISERS)
+        if self.small_steps == self.steps:
+            raise InputError(
+                f"training.small_crops.share={self.small_crops.share}: all {self.steps} steps would take smaller crops, and "
+                "the network would never see one of its own size; give a smaller share, or that size as model.crop_px"
+            )
         if self.batch_size % self.augment.views:
             raise InputError(
                 f"training.batch_size={self.batch_size}: expected a multiple of augment.views={self.augment.views}"
             )
+
+    @property
+    def small_steps(self) -> int:
+        """The number of steps that take smaller crops."""
+        return round(self.small_crops.share * self.steps)
 
 
 @dataclass
@@ -322,7 +332,7 @@ def training_batches(config: RunConfig, source: ObservationSource, processes: Pr
             f"in groups of augment.views={training.augment.views}"
         )
     order = ShuffledOrder(len(source), observations, config.seed, processes.rank, processes.count)
-    small = round(training.small_crops.share * training.steps), training.small_crops.crop_px
+    small = training.small_steps, training.small_crops.crop_px
     return CropBatches(source, config.model, order, config.seed, training.augment, config.ridge, small)
 
 

@@ -86,6 +86,14 @@ def test_small_crops_come_first_and_the_models_size_follows(tmp_path):
         run_short(tmp_path, SMALL_FIRST, replace(MODEL, kind="holistic"))
 
 
+@pytest.mark.parametrize("share", [1.0, 0.95])
+def test_small_crops_leave_steps_of_the_models_size(share):
+    """A saved network says that it takes crops of the model's size."""
+    with pytest.raises(InputError, match=rf"small_crops\.share={share}: all 6 steps would take smaller crops"):
+        replace(SHORT, small_crops=SmallCropsConfig(share, 48))
+    assert replace(SHORT, small_crops=SmallCropsConfig(0.9, 48)).small_steps == 5
+
+
 def test_the_best_checkpoint_is_one_of_the_models_crops_however_small_the_errors_in_smaller_ones(tmp_path, monkeypatch):
     measured, errors_cm = loop.validate, iter((1.0, 2.0, 3.0))
 
