@@ -1,10 +1,14 @@
-"""tools/over_time.py: a training and its figures through the program."""
+"""The tools that make films for networks over time and train these: through the programs."""
 
 import re
 
 import numpy as np
+import pytest
 from programs import run_program
 
+from kpopnet.networks import ModelConfig
+from kpopnet.networks.checkpoint import save_checkpoint
+from kpopnet.networks.network import build_network
 from kpopnet.networks.over_time import Measured
 
 
@@ -34,3 +38,32 @@ def test_a_short_training_steadies_a_person_at_rest(tmp_path):
     assert float(over_time) < 0.8 * float(both)
     again = run_program("tools/over_time.py", tmp_path, *arguments)
     assert again.stdout == first.stdout  # the weights that are there are measured, not trained again
+
+
+@pytest.mark.parametrize(
+    ("program", "none", "film"),
+    [
+        ("tools/over_time_films.py", ("--films", 0), "film_00000.npz"),
+        ("tools/graded_learners.py", ("--dances", 0), "dance_000_perfect_0.npz"),
+    ],
+)
+def test_films_of_other_settings_or_of_unknown_origin_are_not_taken_for_finished(tmp_path, program, none, film):
+    """`none`: what makes no film."""
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / film).touch()
+    ended = run_program(program, tmp_path, "old", *none)
+    assert ended.returncode == 1 and "old: holds" in ended.stderr and "without a manifest.json" in ended.stderr
+    assert run_program(program, tmp_path, "new", *none).returncode == 0
+    (tmp_path / "new" / film).touch()
+    other = run_program(program, tmp_path, "new", *none, "--seed", 5)
+    assert other.returncode == 1 and "new: holds files made with seed=" in other.stderr
+
+
+def test_films_of_another_network_are_not_taken_for_finished(tmp_path):
+    meta = {"step": 0, "config": {}, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
+    save_checkpoint(tmp_path / "run", build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8])), {}, meta, best=True)
+    words = ("tools/over_time_films.py", tmp_path, "films", "--films", 0)
+    assert run_program(*words).returncode == 0
+    (tmp_path / "films/film_00000.npz").touch()
+    other = run_program(*words, "--checkpoint", "run/best")
+    assert other.returncode == 1 and "films: holds files made with weights=" in other.stderr

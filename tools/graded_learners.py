@@ -7,7 +7,8 @@
 Dances are those of `kpop_sim` of another seed, each learner is another person. A file holds the teacher's joints, the
 learner's true ones, and what the image network and the fit to the depth say of every frame
 (`kpopnet.networks.over_time.Measured`), so that another estimate from these needs no new images. Finished files stay when it is
-run again. tools/measure_noise.py reads them. Run from the root of a checkout with `PYTHONPATH=.`.
+run again; a folder takes those of one network, seed, split and length. tools/measure_noise.py reads them. Run from the root of
+a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
@@ -17,13 +18,17 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.camera import subsampled
+from kpopnet.data.made_sets import claim_folder
 from kpopnet.estimator import Estimate
+from kpopnet.networks import WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.rotations import conjugate, multiply, rotate, turns
 from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.endings import user_errors
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
 from kpopnet.tracker.refine import refine_frame
+from kpopnet.weights import SHA256
 from synth.dances.faults import KEPT_AMPLITUDE, amplitude
 from synth.dances.simulate import FPS, KpopSim, KpopSimConfig, dance_name
 from synth.motion import SPLITS, MotionConfig
@@ -117,6 +122,7 @@ class Learners:
         return measured | {"true_m": true_m, "teacher_m": self.set.teacher_joints_m(dance), "fps": np.array(FPS)}
 
 
+@user_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
@@ -127,7 +133,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--clips", help="a motion pack: recorded dances instead of composed ones")
     given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
+    made_with = {name: getattr(given, name) for name in ("seed", "split", "seconds", "clips")}
+    claim_folder(given.out, "*.npz", {"weights": SHA256[WEIGHTS]} | made_with)
     learners = Learners(given.split, given.seed, given.clips, given.seconds)
     number = 0
     for chosen in ROUNDS[: given.rounds]:

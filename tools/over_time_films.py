@@ -4,17 +4,21 @@
     python tools/over_time_films.py data/over_time/fresh --split benchmark --films 40 --clips PACK
 
 Films of seven seconds, each of another person: a rest and a composed dance, or a recording (every third film, given
---clips). In a third of the training films a part of the person is hidden for a while. Finished films stay when it is run again.
+--clips). In a third of the training films a part of the person is hidden for a while. Finished films stay when it is run again;
+a folder takes those of one network, seed and split.
 """
 
 import argparse
+import hashlib
 from pathlib import Path
 
 import numpy as np
 
 from kpopnet.camera import CAMERAS
+from kpopnet.data.made_sets import claim_folder
 from kpopnet.estimator import Estimate
 from kpopnet.human import Human
+from kpopnet.networks import WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
@@ -22,6 +26,7 @@ from kpopnet.skeleton import MIRROR
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
 from kpopnet.tracker.refine import refine_frame
+from kpopnet.weights import SHA256
 from synth.body.shape import draw_person
 from synth.motion import MotionConfig, build_motion
 from synth.motion.choreography.programmes import held, show
@@ -141,6 +146,13 @@ def _hidden(person_m: np.ndarray, camera, joints_m: np.ndarray) -> np.ndarray:
     return hidden
 
 
+def _digest(checkpoint: Path | None) -> str:
+    """SHA-256 of a network's weights."""
+    if checkpoint is None:
+        return SHA256[WEIGHTS]
+    return hashlib.sha256((checkpoint / WEIGHTS if checkpoint.is_dir() else checkpoint).read_bytes()).hexdigest()
+
+
 @user_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -151,8 +163,9 @@ def main() -> None:
     parser.add_argument("--clips", help="a motion pack, of which the train or the validation split is taken")
     parser.add_argument("--checkpoint", type=Path, help="another network than the one that comes with the package")
     given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
     films = Films(given.seed, given.split, given.clips, given.checkpoint)
+    made_with = {"weights": _digest(given.checkpoint), "seed": given.seed, "split": given.split, "clips": given.clips}
+    claim_folder(given.out, "film_*.npz", made_with)
     for index in range(given.films):
         path = given.out / f"film_{index:05d}.npz"
         if path.exists():

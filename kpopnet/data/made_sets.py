@@ -1,9 +1,12 @@
-"""What the sets that `python -m synth benchmark=...` makes for trainings have in common: files of a pattern, and a manifest."""
+"""What the sets that are made for trainings have in common: files of a pattern, and a manifest that says what made them."""
 
 from pathlib import Path
 
 from kpopnet.errors import InputError
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.input_files import expect, read_json
+
+MANIFEST = "manifest.json"
 
 
 def made_files(folder: Path | str, pattern: str, benchmark: str) -> tuple[list[Path], str]:
@@ -14,9 +17,26 @@ def made_files(folder: Path | str, pattern: str, benchmark: str) -> tuple[list[P
         split = " benchmark.split=validation" if folder.name == "validation" else ""
         command = f"python -m synth benchmark={benchmark}{split} out={folder}"
         raise InputError(f"{folder}: no {benchmark.replace('_', ' ')} ({pattern}) in this folder; make some: {command}")
-    manifest = read_json(folder / "manifest.json")
-    expect(isinstance(manifest, dict) and "hash" in manifest, f"{folder}/manifest.json", "a hash")
+    manifest = read_json(folder / MANIFEST)
+    expect(isinstance(manifest, dict) and "hash" in manifest, f"{folder}/{MANIFEST}", "a hash")
     return paths, str(manifest["hash"])
+
+
+def claim_folder(folder: Path, pattern: str, settings: dict[str, str | int | float | None]) -> None:
+    """Says in the manifest of a folder what its files are made with, before the first of them; those of an earlier run stay.
+
+    Raises InputError if files there were made with other settings, or have no manifest.
+    """
+    path = folder / MANIFEST
+    if not any(folder.glob(pattern)):
+        write_json(path, settings)
+        return
+    if not path.exists():
+        raise InputError(f"{folder}: holds {pattern} without a {MANIFEST} that says what made them; give another folder")
+    found = read_json(path)
+    expect(isinstance(found, dict), str(path), "settings by name")
+    if other := [f"{name}={found.get(name)}" for name in settings | found if found.get(name) != settings.get(name)]:
+        raise InputError(f"{folder}: holds files made with {', '.join(other)}; give another folder")
 
 
 def check_others(train_hash: str, validation_hash: str, folder: Path | str) -> None:
