@@ -1,5 +1,6 @@
 """Fits how sure the finder may be of a person (SURE in kpopnet/finder/people.py), on validation images of simulated rooms.
 
+    python -m synth benchmark=room_images benchmark.split=validation benchmark.seed=4 out=data/room_images/other
     python tools/fit_finder.py data/room_images/validation --judged data/room_images/other
     python tools/fit_finder.py data/room_images/validation --judged data/room_images/other --weights RUN/finder.safetensors
 
@@ -22,6 +23,7 @@ from tqdm import tqdm
 from kpopnet.camera import MM_PER_METRE
 from kpopnet.data.canvas import reduced
 from kpopnet.data.room_images import RoomImage, RoomImages
+from kpopnet.errors import InputError
 from kpopnet.finder.finder import LEAST_CELLS, LEAST_M2, LEAST_PROBABILITY, cells_of, open_finder
 from kpopnet.finder.people import Network, People, certainty_features, gather_people
 from kpopnet.runtime.atomic_write import write_json
@@ -94,6 +96,8 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, help="a finder's weights; otherwise those that come with the package")
     parser.add_argument("--out", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
+    if RoomImages(given.images).hash == RoomImages(given.judged).hash:
+        raise InputError(f"{given.judged}: the images that are fitted on; judge on others")
     network = open_finder(given.weights and str(given.weights))
     fitted, other = judged_in(given.images, network), judged_in(given.judged, network)
     weights = logistic(fitted.features, fitted.right)

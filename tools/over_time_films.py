@@ -5,7 +5,7 @@
 
 Films of seven seconds, each of another person: a rest and a composed dance, or a recording (every third film, given
 --clips). In a third of the training films a part of the person is hidden for a while. Finished films stay when it is run again;
-a folder takes those of one network, seed and split.
+a folder takes those of one network, seed, split and --clips.
 """
 
 import argparse

@@ -67,8 +67,8 @@ class AugmentConfig:
         scale: largest change of the cube's half size, as a fraction of it.
         jitter_m: largest shift of the cube's centre along each axis in metres.
         occluder: probability of a simulated occluder: an elliptic hole in the depth with half-axes of 5 to 15 cm.
-        views: crops that a batch has of each observation, each drawn for itself (Hoffer et al. 2020): a further one takes a
-            tenth of the time that another observation takes.
+        views: crops that a batch has of each observation, with one noise and occluder, each shifted, turned, scaled, mirrored
+            for itself (Hoffer et al. 2020): a further one takes a tenth of the time that another observation takes.
     """
 
     mirror: float = 0.5

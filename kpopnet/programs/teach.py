@@ -47,7 +47,7 @@ FOLDER = Path("outputs/teach")
 PORT = 8471
 SIMULATED, RECORDING = "simulated", "recording"
 CAMERA_FPS = 30.0
-TOO_SLOW_S = 5.0  # for so long images are left out before a recording that falls farther behind is given up
+TOO_SLOW_S = 5.0  # for so long images are left out before a recording is given up that falls farther behind with each of them
 MOST_LETTERS = 60  # of a title
 
 
@@ -100,10 +100,11 @@ class RecordedCamera:
         if self._danced and clock.stopped:
             self._rewind()
         self._danced |= clock.running
-        begun, begun_s = time.monotonic(), self._early_s()
-        while clock.running and self._early_s() < late_s:
+        begun, gains = time.monotonic(), False
+        while clock.running and (before_s := self._early_s()) < late_s:
             self._coming = next(self._images, None)
-            if time.monotonic() > begun + TOO_SLOW_S and self._early_s() < begun_s:
+            gains |= self._early_s() > before_s
+            if time.monotonic() > begun + TOO_SLOW_S and not gains:
                 text = "this machine reads it more slowly than the dance goes on; slow the dance, or make the images smaller"
                 raise InputError(f"{self._source.name}: {text}")
         while clock.running and 0 < self._early_s() < math.inf:

@@ -70,7 +70,7 @@ class TrainingConfig:
 
     Attributes:
         steps: total number of steps; the learning rate cycle spans them.
-        batch_size: samples per step, over all processes.
+        batch_size: crops per step, over all processes; `augment.views` of each observation.
         lr: peak learning rate of the cycle.
         optimiser: muon for the weights of convolutions and linear layers and AdamW for the rest, or adamw for all, whose lr
             should be 0.002.
@@ -111,14 +111,13 @@ class TrainingConfig:
                 "the network would never see one of its own size; give a smaller share, or that size as model.crop_px"
             )
         if self.batch_size % self.augment.views:
-            raise InputError(
-                f"training.batch_size={self.batch_size}: expected a multiple of augment.views={self.augment.views}"
-            )
+            views = f"training.augment.views={self.augment.views}"
+            raise InputError(f"training.batch_size={self.batch_size}: expected a multiple of {views}")
 
     @property
     def small_steps(self) -> int:
         """The number of steps that take smaller crops."""
-        return round(self.small_crops.share * self.steps)
+        return int(self.small_crops.share * self.steps)
 
 
 @dataclass
@@ -254,17 +253,16 @@ def refuse_other_run(folder: Path, resume: str | None) -> None:
 
 def load_initial_weights(network: PoseNetwork, checkpoint: str) -> None:
     """Loads the weights of a checkpoint into a new network, which may be wider; raises InputError if it is of another model."""
-    meta = read_meta(checkpoint)
-    found, expected = meta["model"], asdict(network.config)
+    began_with, _ = load_network(checkpoint)
+    found, expected = asdict(began_with.config), asdict(network.config)
     # The weights of a dense network fit crops of any size.
     free = ("crop_px",) if network.config.kind == "dense" else ()
     wider = all(new >= old for new, old in zip(expected["widths"], found["widths"], strict=True))
     free += ("widths",) if wider else ()
-    other = [name for name in expected if name not in free and found.get(name, expected[name]) != expected[name]]
+    other = [name for name in expected if name not in free and found[name] != expected[name]]
     if other:
         settings = " ".join(f"model.{name}={str(found[name]).replace(' ', '')}" for name in other)
         raise InputError(f"training.start={checkpoint} has another model; give it: {settings}")
-    began_with, _ = load_network(checkpoint)
     widen(network, began_with.state_dict())
 
 
@@ -327,9 +325,9 @@ def training_batches(config: RunConfig, source: ObservationSource, processes: Pr
     training = config.training
     observations = training.batch_size // training.augment.views
     if observations % processes.count:
+        views = f", {training.augment.views} views of each observation" if training.augment.views > 1 else ""
         raise InputError(
-            f"training.batch_size={training.batch_size} cannot be divided evenly among {processes.count} processes, "
-            f"in groups of augment.views={training.augment.views}"
+            f"training.batch_size={training.batch_size}{views} cannot be divided evenly among {processes.count} processes"
         )
     order = ShuffledOrder(len(source), observations, config.seed, processes.rank, processes.count)
     small = training.small_steps, training.small_crops.crop_px

@@ -50,7 +50,7 @@ MAX_CLIP_S, MAX_ROOT_M = 1e5, 1e4
 
 SPLIT_PERIOD = 8
 """Of as many BVH files one belongs to validation and one to test, on average, and at least one: each by its own name, so that
-one that is added to many moves no other. Fewer files are used for all splits, with a warning: a measurement on them uses
+one that is added to dozens moves no other. Fewer files are used for all splits, with a warning: a measurement on them uses
 motions of the training set."""
 
 _CLIP = {

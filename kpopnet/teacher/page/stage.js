@@ -45,7 +45,7 @@ export async function stage(main, identity, wanted) {
   shown.beginNow.addEventListener("click", () => begin());
   parts.full.addEventListener("click", fullScreen);
   parts.practise.addEventListener("change", choosePractice);
-  parts.mirrored.addEventListener("change", () => view.mirror(parts.mirrored.checked));
+  parts.mirrored.addEventListener("change", () => { view.mirror(parts.mirrored.checked); nameTaught(); });
   parts.music.addEventListener("change", () => { remember("music", parts.music.value); showSong(); });
   parts.phrase.addEventListener("change", () => { if (!state.running) showExcerpt(); });
   for (const one of [parts.dancer, parts.people, parts.source]) one.addEventListener("change", showDanced);
@@ -306,10 +306,15 @@ export async function stage(main, identity, wanted) {
     return parts.people.disabled ? 1 : Number(parts.people.value);
   }
 
+  function nameTaught() {
+    const all = taught(parts, peopleOf());
+    shown.members.querySelectorAll("small").forEach((line, k) => { line.textContent = `${say("dancer")}: ${parts.dancer.options[all[k]].textContent} `; });
+  }
+
   function showMembers() {
     members = peopleOf() > 1 ? OF_LEARNERS.slice(0, peopleOf()).map((colour) => ({ colour, score: el("b", {}, "–"), stars: el("i"), verdict: el("span") })) : [];
-    const whom = taught(parts, peopleOf()).map((k) => (group.length > 1 ? el("small", {}, parts.dancer.options[k].textContent, " ") : null));
-    shown.members.replaceChildren(...members.map(({ colour, score, stars, verdict: said }, k) => el("li", {}, swatch(colour), score, stars, " ", whom[k], said)));
+    shown.members.replaceChildren(...members.map(({ colour, score, stars, verdict: said }) => el("li", {}, swatch(colour), score, stars, " ", group.length > 1 ? el("small") : null, said)));
+    nameTaught();
     shown.stage.classList.toggle("several", members.length > 0);
   }
 

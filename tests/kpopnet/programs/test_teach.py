@@ -255,6 +255,19 @@ def test_a_recording_that_is_read_more_slowly_than_the_dance_goes_on_says_so(mom
         assert max(abs(clock.dance_s(taken) - depth_m[0, 0]) for depth_m, taken in read[5:]) < 0.04
 
 
+def test_a_recording_catches_up_after_it_was_not_read_for_longer_than_a_slow_one_is_endured(moments):
+    def timed():
+        for number in range(900):
+            moments.sleep(6.0 if number == 200 else 0.01)
+            yield TimedDepth(number / 30, np.full((1, 1), number / 30))
+
+    clock = DanceClock(0.0, 1.0)
+    camera = teach.RecordedCamera(SimpleNamespace(camera=None, name="stalled.h5", timed=timed), clock)
+    clock.start(0.1)
+    read = [camera.read() for _ in range(500)]
+    assert max(abs(clock.dance_s(taken) - depth_m[0, 0]) for depth_m, taken in read[-100:]) < 0.04
+
+
 def test_a_person_before_another_programs_camera_is_seen_until_it_ends(tmp_path):
     """Standard input of the program, through the lesson's process, to a page."""
     aiohttp = pytest.importorskip("aiohttp", reason="the extra app is not installed")

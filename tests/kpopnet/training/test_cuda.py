@@ -57,7 +57,7 @@ def test_the_gradient_in_bfloat16_has_the_direction_of_that_in_float32():
     (half, half_types), (full, full_types) = gradient("cuda"), gradient("cpu")
     assert half_types == [torch.bfloat16] * 3
     assert full_types == [torch.float32] * 3
-    assert torch.cosine_similarity(half, full, dim=0) > 0.9
+    assert torch.cosine_similarity(half, full, dim=0) > 0.95
     assert half.norm() / full.norm() == pytest.approx(1, abs=0.1)
 
 

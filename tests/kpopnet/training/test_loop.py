@@ -86,12 +86,12 @@ def test_small_crops_come_first_and_the_models_size_follows(tmp_path):
         run_short(tmp_path, SMALL_FIRST, replace(MODEL, kind="holistic"))
 
 
-@pytest.mark.parametrize("share", [1.0, 0.95])
-def test_small_crops_leave_steps_of_the_models_size(share):
+def test_small_crops_leave_steps_of_the_models_size():
     """A saved network says that it takes crops of the model's size."""
-    with pytest.raises(InputError, match=rf"small_crops\.share={share}: all 6 steps would take smaller crops"):
-        replace(SHORT, small_crops=SmallCropsConfig(share, 48))
-    assert replace(SHORT, small_crops=SmallCropsConfig(0.9, 48)).small_steps == 5
+    with pytest.raises(InputError, match=r"small_crops\.share=1\.0: all 6 steps would take smaller crops"):
+        replace(SHORT, small_crops=SmallCropsConfig(1.0, 48))
+    assert replace(SHORT, small_crops=SmallCropsConfig(0.95, 48)).small_steps == 5
+    assert replace(SHORT, steps=1, small_crops=SmallCropsConfig(0.75, 48)).small_steps == 0
 
 
 def test_the_best_checkpoint_is_one_of_the_models_crops_however_small_the_errors_in_smaller_ones(tmp_path, monkeypatch):
