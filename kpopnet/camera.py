@@ -139,12 +139,15 @@ CAMERAS = {
 Kinect (narrow field of view, not binned) and RealSense D435 (58 degrees of height, from its data sheet)."""
 
 
-def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: str = "depth image") -> np.ndarray:
+def depth_in_metres(
+    depth: np.ndarray, camera: Camera | None = None, *, where: str = "depth image", unit_known: bool = False
+) -> np.ndarray:
     """Converts depth given by a user, an (H, W) image or a (T, H, W) sequence, to float32 metres, 0 where nothing was measured.
 
-    Unsigned integers are millimetres, floating point is metres; negative and non-finite values count as not measured. With a
-    camera the depth must have its image size. Raises InputError, for `where`, the depth's name (a file, a frame): wrong type,
-    number of dimensions or size; no camera; or numbers that look like those of the other unit.
+    Unsigned integers are millimetres, the largest of 16 bits not measured; floating point is metres, negative and non-finite
+    values not measured. With a camera the depth must have its image size. Raises InputError, for `where`, the depth's name (a
+    file, a frame): wrong type, number of dimensions or size; no camera; or numbers that look like those of the other unit,
+    unless that is known, as from a camera, before which a hand may be held.
     """
     if camera is not None:
         check_camera(camera)
@@ -156,7 +159,13 @@ def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: s
         raise InputError(f"{where}: expected shape (H, W) or (T, H, W), got {depth.shape}")
     if depth.dtype.kind == "u" and depth.dtype.itemsize > 1:
         depth_m = depth.astype(np.float32) / np.float32(MM_PER_METRE)
-        if 0 < (farthest_m := depth_m.max(initial=0)) < MIN_FARTHEST_M and np.count_nonzero(depth_m) > FEW_PIXELS:
+        if depth.dtype == np.uint16:
+            depth_m[depth == np.iinfo(np.uint16).max] = 0
+        if (
+            not unit_known
+            and 0 < (farthest_m := depth_m.max(initial=0)) < MIN_FARTHEST_M
+            and np.count_nonzero(depth_m) > FEW_PIXELS
+        ):
             raise InputError(
                 f"{where}: nothing is farther away than {1000 * farthest_m:.0f} mm: these look like metres; integers are "
                 "millimetres, so multiply by 1000, or convert it with .astype(np.float32)"
@@ -167,7 +176,11 @@ def depth_in_metres(depth: np.ndarray, camera: Camera | None = None, *, where: s
         if not np.isfinite(farthest_m := depth_m.max(initial=0)):  # as NaN is, if there is one
             depth_m[~np.isfinite(depth_m)] = 0
             farthest_m = depth_m.max(initial=0)
-        if farthest_m > MAX_MEDIAN_DEPTH_M and (median := np.median(depth_m[depth_m > 0])) > MAX_MEDIAN_DEPTH_M:
+        if (
+            not unit_known
+            and farthest_m > MAX_MEDIAN_DEPTH_M
+            and (median := np.median(depth_m[depth_m > 0])) > MAX_MEDIAN_DEPTH_M
+        ):
             raise InputError(
                 f"{where}: half of the measured pixels are {median:g} m or farther away: these look like millimetres; "
                 "floating-point depth is metres, so divide it by 1000, or convert it with .astype(np.uint16)"

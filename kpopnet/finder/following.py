@@ -1,5 +1,6 @@
 """Who is who from image to image, by the found people's places alone: no background, so the camera may move."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -19,8 +20,9 @@ MOMENTUM = 0.6
 COASTING_S = 1 / 6
 """A person is expected to keep their speed for this time, seconds: somebody hidden does not walk on for ever."""
 
-FORGOTTEN_S = 0.35
-"""A person who was missing for this time, seconds, may be found again anywhere; the one missing longest comes first."""
+FORGOTTEN_S, GONE_S = 0.35, 60.0
+"""A person who was missing for the first time, seconds, may be found again anywhere; the one missing longest comes first, but
+whoever was missing for the second time after all others."""
 
 DOUBTED_S = 2.0
 """For this time after a person was last certain, in seconds, little certainty is enough to follow them: what is taken for a
@@ -63,14 +65,19 @@ class Followed:
 
     def __init__(self) -> None:
         self._tracks: list[_Track] = []
-        self._count = 0
+        self._count, self._time_s = 0, -math.inf
 
     def identify(self, centres_m: np.ndarray, certain: np.ndarray, time_s: float) -> list[int]:
         """The identities of the people whose (P, 3) centres were found in the next image, metres, taken at `time_s` seconds.
 
         Where a person is expected who was certain less than DOUBTED_S ago, no other evidence is needed; anywhere else only (P,)
-        `certain` ones are people, the others get the identity UNKNOWN.
+        `certain` ones are people, the others get the identity UNKNOWN. A clock that was put back counts as standing still.
         """
+        if time_s < self._time_s:
+            for track in self._tracks:
+                track.seen_s += time_s - self._time_s
+                track.certain_s += time_s - self._time_s
+        self._time_s = time_s
         trusted = [track for track in self._tracks if time_s - track.certain_s < DOUBTED_S]
         doubted = [track for track in self._tracks if time_s - track.certain_s >= DOUBTED_S]
         found = _paired(trusted, centres_m, range(len(centres_m)), time_s)
@@ -87,11 +94,12 @@ class Followed:
         return [found[column].identity if column in found else UNKNOWN for column in range(len(centres_m))]
 
     def _returned(self, centre_m: np.ndarray, time_s: float, found: dict[int, _Track]) -> _Track:
-        """Who was found where no person was expected: the person missing longest, or a new one."""
+        """Who was found where no person was expected: the person missing longest, but not gone, or a new one."""
         present = {track.identity for track in found.values()}
         missing = [one for one in self._tracks if time_s - one.seen_s > FORGOTTEN_S and one.identity not in present]
         if missing:
-            return min(missing, key=lambda track: track.seen_s)
+            lately = [track for track in missing if time_s - track.seen_s < GONE_S]
+            return min(lately, key=lambda track: track.seen_s) if lately else max(missing, key=lambda track: track.seen_s)
         self._tracks.append(_Track(self._count, centre_m, time_s, time_s))
         self._count += 1
         return self._tracks[-1]

@@ -30,6 +30,14 @@ def free_path(folder: Path, kind: str, suffix: str) -> Path:
     return path
 
 
+WRITING = OSError, RuntimeError
+"""What h5py raises where a disk is full or gone, the latter when the file is closed."""
+
+
+def _told(error: Exception) -> str:
+    return of_the_disk(error) if isinstance(error, OSError) else str(error)
+
+
 class DepthRecorder:
     """Writes every image of the camera between start and stop; the camera's thread writes, another one gives the orders."""
 
@@ -51,6 +59,7 @@ class DepthRecorder:
         with self._lock:
             if self._writer is None:
                 self._writer = DepthWriter(free_path(self._folder, "depth", ".h5"), self._camera)
+                self._first = self._last = 0.0
 
     def add(self, image: Image) -> None:
         """Writes an image, if a recording goes on; one that cannot go on ends."""
@@ -64,8 +73,8 @@ class DepthRecorder:
             try:
                 self._writer.add(image.depth_m, image.taken - self._first)
                 self._last = image.taken
-            except OSError as error:
-                self._end(f"; it ended early: {of_the_disk(error)}")
+            except WRITING as error:
+                self._end(f"; it ended early: {_told(error)}")
 
     def stop(self) -> None:
         """Ends the recording, if one goes on."""
@@ -84,8 +93,8 @@ class DepthRecorder:
         assert writer is not None
         try:
             writer.close()
-        except OSError as error:
-            why = why or f"; it is not complete: {of_the_disk(error)}"
+        except WRITING as error:
+            why = why or f"; it is not complete: {_told(error)}"
         if not writer.images:
             writer.path.unlink(missing_ok=True)
             self._told = f"no image came: nothing was recorded{why}"

@@ -19,9 +19,9 @@ from kpopnet.teacher.pages import Page, close_pages, converse
 from kpopnet.teacher.safety import Keys
 
 MAX_MESSAGE_BYTES = 1024
-END_S, SAVE_S, LAST_S = 2.0, 20.0, 1.0
-"""How long the process has to end, seconds, and where it has something to save: an hour of two people takes some seconds. How
-long its last words, which are on their way then, may take."""
+END_S, SAVE_S, LAST_S = 2.0, 120.0, 1.0
+"""How long the process has to end, seconds, and where it has something to save: an hour of one person takes two seconds of a
+core. How long its last words, which are on their way then, may take."""
 
 ORDERS = ("record", "joints", "pause")
 

@@ -4,6 +4,7 @@ another network weighs over time.
 What each step is worth is measured in docs/results.md.
 """
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from itertools import repeat
@@ -52,15 +53,22 @@ def _over_time(sees_future: bool) -> OverTime:
     return OverTime.load(shipped_over_time(sees_future))
 
 
+ANOTHER_AFTER_S = 10.0
+"""Who is found again after this time may be another person of the same identity, seconds: their body is measured anew."""
+
+
 class DetectedPerson:
     """One person's joints in successive frames by a network; a frame's joints depend on it and on those before it."""
 
     def __init__(self, camera: Camera, network: Estimator, mode: Mode) -> None:
         self.camera, self.network, self.mode = camera, network, mode
-        self._body, self._live = BodyEstimate(), Live(_over_time(sees_future=False))
+        self._body, self._live, self._seen_s = BodyEstimate(), Live(_over_time(sees_future=False)), math.inf
 
     def see(self, human: Human, time_s: float) -> Pose | None:
         """The pose of the extracted person in the next image, taken at `time_s`; None where it is not known."""
+        if time_s - self._seen_s > ANOTHER_AFTER_S:
+            self._body = BodyEstimate()
+        self._seen_s = time_s
         return self.update(human.depth_m, human.cropped(self.camera), time_s)
 
     def miss(self) -> None:

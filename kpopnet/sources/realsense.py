@@ -111,7 +111,7 @@ class RealSenseCamera:
         if not found:
             self.close()
             raise CameraAwayError("the camera sends no images; look at its cable")
-        return depth_in_metres(_depth_of(frame.as_depth_frame()), self.camera, where=NAME), taken
+        return depth_in_metres(_depth_of(frame.as_depth_frame()), self.camera, where=NAME, unit_known=True), taken
 
     def close(self) -> None:
         sensor, self._sensor = self._sensor, None

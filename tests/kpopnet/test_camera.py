@@ -38,6 +38,14 @@ def test_metres_as_integers_are_refused():
     few = np.zeros((240, 320), np.uint16)
     few[0, :20] = 3  # a covered lens has hot pixels
     assert depth_in_metres(few).max() == np.float32(0.003)
+    near = person(3, np.uint16)  # a hand before a camera, whose unit is known
+    np.testing.assert_allclose(depth_in_metres(near, unit_known=True), person(0.003, np.float32))
+
+
+def test_the_largest_of_16_bits_was_not_measured():
+    depth_mm = person(2500, np.uint16)
+    depth_mm[depth_mm == 0] = 65535
+    np.testing.assert_array_equal(depth_in_metres(depth_mm), person(2.5, np.float32))
 
 
 @pytest.mark.parametrize(

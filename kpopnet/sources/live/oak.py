@@ -59,7 +59,7 @@ class OakCamera:
             self._connect()
         frame = self._next(SILENCE_S)
         now = time.monotonic()
-        depth_m = depth_in_metres(frame.getFrame(), where=NAME)
+        depth_m = depth_in_metres(frame.getFrame(), where=NAME, unit_known=True)
         return self._view.image(depth_m), moment(frame.getTimestamp().total_seconds(), now)
 
     def close(self) -> None:

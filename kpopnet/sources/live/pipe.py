@@ -70,7 +70,7 @@ class PipeCamera:
         self._changed = threading.Condition()
         self.camera: Camera | None = None
         self._newest: tuple[View, StoredImage, float] | None = None
-        self._away, self._error, self._ended = "", "", False
+        self._away, self._error, self._ended, self._unit_known = "", "", False, False
         self._connection: socket.socket | None = None
         threading.Thread(target=self._receive, daemon=True, name="pipe").start()
         with self._changed:
@@ -91,7 +91,9 @@ class PipeCamera:
         if newest is None:
             raise CameraAwayError(self._away or SILENT.format(self._name))
         view, image, arrived = newest
-        return view.image(depth_in_metres(image.depth, where=image.where)), moment(image.time_s, arrived)
+        depth_m = depth_in_metres(image.depth, where=image.where, unit_known=self._unit_known)
+        self._unit_known |= bool(depth_m.any())  # an image of the first that measured something has told it
+        return view.image(depth_m), moment(image.time_s, arrived)
 
     def close(self) -> None:
         self._closed = True

@@ -54,6 +54,21 @@ def test_who_is_followed_needs_less_certainty_than_who_is_new():
     assert followed.identify(two, np.array([False, False]), 0.2) == [UNKNOWN, identity]
 
 
+def test_who_reappears_is_rather_one_who_was_hidden_a_moment_ago_than_one_who_left_long_ago():
+    followed, alone, both = Followed(), np.array([[1, 0, 3]], np.float32), np.array([[1, 0, 3], [-1, 0, 3]], np.float32)
+    stays, leaves = followed.identify(both, np.array([True, True]), 0.0)
+    for time_s in range(1, 601):
+        assert followed.identify(alone, CERTAIN, float(time_s)) == [stays]
+    followed.identify(alone[:0], CERTAIN[:0], 601.0)
+    assert followed.identify(alone + np.float32([0, 0, 3]), CERTAIN, 603.0) == [stays] != [leaves]
+
+
+def test_a_clock_that_is_put_back_makes_nobody_somebody_else():
+    followed, place = Followed(), np.array([[0, 0, 3]], np.float32)
+    times_s = (10.0, 10.03, 10.07, 9.8, 9.83, 9.87, 2.0, 2.03)
+    assert [followed.identify(place, CERTAIN, time_s) for time_s in times_s] == [[0]] * len(times_s)
+
+
 CERTAIN, DOUBTFUL = np.array([True]), np.array([False])
 
 

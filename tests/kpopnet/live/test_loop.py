@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from cone_people import CAMERA, cone_joints
 
+from kpopnet.camera import CAMERAS
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.live import keeping, loop
 from kpopnet.live.loop import Watcher, Watching
 from kpopnet.pose import PersonPose
+from kpopnet.sources.live import Image
 from kpopnet.sources.source import CameraAwayError
 
 
@@ -141,3 +143,23 @@ def test_a_pause_from_the_start_holds_everything(watch, monkeypatch, tmp_path):
     monkeypatch.setattr(loop, "open_stream", lambda *given: contextlib.nullcontext(streamed.append))
     watch(Images(np.arange(20) / 10), {0: ("pause", True), 1: ("record", True)})
     assert not streamed and not list((tmp_path / "kept").iterdir())
+
+
+def test_a_disk_that_is_gone_when_a_recording_ends_is_told_and_the_next_one_begins_anew(monkeypatch, tmp_path):
+    camera, depth_m = CAMERAS["eval"], np.ones((240, 320), np.float32)
+    recorder, close = keeping.DepthRecorder(tmp_path, camera), keeping.DepthWriter.close
+
+    def gone(writer: keeping.DepthWriter) -> None:
+        close(writer)
+        raise RuntimeError("Can't decrement id ref count")
+
+    recorder.start()
+    for taken in (5.0, 63.0):
+        recorder.add(Image(depth_m, taken))
+    monkeypatch.setattr(keeping.DepthWriter, "close", gone)
+    recorder.stop()
+    assert "2 depth images of 58.0 s" in (told := recorder.news()) and "it is not complete: Can't decrement" in told
+    monkeypatch.undo()
+    recorder.start()
+    assert recorder.state == {"images": 0, "seconds": 0.0}
+    recorder.stop()

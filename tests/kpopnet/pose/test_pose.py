@@ -222,3 +222,17 @@ def test_only_best_sees_the_future_and_both_take_the_times_of_the_images():
             PoseEstimator(Jittery(), mode).estimate(depth, CAMERA, fps, segmented=True)[0].joints_camera_m for fps in (10, 60)
         )
         assert not np.allclose(slow, quick)
+
+
+def test_who_is_found_again_after_long_is_measured_anew():
+    person = DetectedPerson(CAMERA, Blob(), MODES["realtime"])
+    depth_m = np.zeros((60, 80), np.float32)
+    depth_m[10:50, 30:50] = 2.5
+    human = Human.cut_out(
+        0, depth_m, (depth_m > 0).astype(np.uint8), 1, np.array([30, 10, 50, 50]), np.array([0, 0, 2.5], np.float32)
+    )
+    bodies = []
+    for time_s in (0.0, 9.0, 19.5, 20.0):
+        person.see(human, time_s)
+        bodies.append(person._body)
+    assert bodies[0] is bodies[1] is not bodies[2] is bodies[3]
