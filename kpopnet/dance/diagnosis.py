@@ -91,6 +91,7 @@ class Diagnosis(NamedTuple):
     correction: Correction | None = None  # what was corrected; None for nothing
     as_recorded: float = 0.0  # the similarity before the correction, 0 to 100
     corrected: float = 0.0  # and after it
+    mirrored: bool = False  # whether the learner was mirrored, by this correction or by an option
 
     def __str__(self) -> str:
         """What was corrected, with both scores, "" if nothing was."""

@@ -134,8 +134,9 @@ class DanceScore(NamedTuple):
         return bool(self.is_free[middle].all())
 
     def beats_s(self, beat_s: float) -> np.ndarray:
-        """(B,) times of the dance's beats on the teacher's clock, the first at 0, from the seconds of one."""
-        return np.arange(0, self.windows.middle_s[-1] + 4 * beat_s, beat_s)
+        """(B,) times of the dance's beats, from the seconds of one: its multiples on the teacher's clock."""
+        first = math.floor(self.windows.start_s[0] / beat_s)
+        return beat_s * np.arange(first, math.ceil(self.windows.middle_s[-1] / beat_s) + 4)
 
     @property
     def stage(self) -> StageScore:

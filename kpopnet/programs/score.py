@@ -100,6 +100,8 @@ def main() -> None:
     )
     diagnosis = diagnose(teacher, learner, scorer, given.as_is, given.free, given.late)
     diagnosis.faults[:0] = other_formats(given.teacher, given.learner)
+    by_itself = diagnosis.correction is not None and diagnosis.correction.learner == "mirrored"
+    diagnosis = diagnosis._replace(mirrored=(given.correct_learner == "mirrored") != by_itself)
     teacher, learner = diagnosis.teacher, diagnosis.learner
     score = score_dance(teacher, learner, scorer, free_s=given.free)
     if math.isnan(score.similarity):

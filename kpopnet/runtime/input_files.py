@@ -98,11 +98,11 @@ def names_in(names: Iterable[str]) -> str:
 
 
 def read_text(path: Path, max_bytes: int = MAX_JSON_BYTES) -> str:
-    """Reads a UTF-8 text file."""
+    """Reads a UTF-8 text file, with or without a byte order mark, which spreadsheets write."""
     try:
         size = path.stat().st_size
         expect(size <= max_bytes, str(path), f"at most {max_bytes:,} bytes, found {size:,}")
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text ({error.reason} at byte {error.start})") from error
     except OSError as error:

@@ -104,7 +104,8 @@ def ordinal_alpha(matrix: np.ndarray) -> np.ndarray:
 
 def estimate(value: float, draws: np.ndarray, bootstrap: Bootstrap) -> Estimate:
     """A figure with the interval of its values in all resamples."""
-    varies = bootstrap.units >= FEWEST_UNITS and np.nanmin(draws) < np.nanmax(draws)
+    known_draws = draws[np.isfinite(draws)]
+    varies = bootstrap.units >= FEWEST_UNITS and np.ptp(known_draws) > 0 if len(known_draws) else False
     known = None if np.isnan(value) else float(value)
     return Estimate(known, bootstrap.interval(draws) if varies else None, bootstrap.units)
 

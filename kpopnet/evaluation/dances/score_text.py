@@ -77,7 +77,8 @@ def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
         points=f"{score.uncertainty:.0f}",
         estimator=score.scorer.noise,
     )
-    notes = [str(diagnosis), *map(_fault_text, diagnosis.faults), within if score.uncertainty > 0 else ""]
+    sides = Said("compared as in a mirror: left and right are as the teacher has them") if diagnosis.mirrored else ""
+    notes = [str(diagnosis), sides, *map(_fault_text, diagnosis.faults), within if score.uncertainty > 0 else ""]
     return [note for note in notes if note]
 
 

@@ -81,12 +81,21 @@ def test_what_no_dancer_does_is_corrected_and_told(files, run, tmp_path):
     told = r"as it stands \d, with the learner mirrored, the learner's clock 5\.0\d s earlier 100: scored so; --as-is keeps it"
     printed = run(*words)
     assert re.search(told, printed) and re.search(r"similarity (99|100)", printed) and "warning" not in printed
-    (note,) = page_hints(tmp_path / "out")
-    assert re.search(told, note)
+    note, sides = page_hints(tmp_path / "out")
+    assert re.search(told, note) and sides == "compared as in a mirror: left and right are as the teacher has them"
     done = json.loads((tmp_path / "out" / "score.json").read_text())["corrections"]
     assert done["learner"] == "mirrored" and done["late_s"] == pytest.approx(5, abs=0.1) and done["corrected"] > 95
     printed = run(*words, "--as-is")
     assert re.search(r"similarity \d,", printed) and printed.count("warning") == 2
+
+
+def test_beats_may_be_asked_for_on_a_clock_that_begins_below_0(files, run, tmp_path):
+    _, _, joints_m, _ = files
+    for name in ("teacher", "learner"):
+        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m, times_s=np.arange(len(joints_m)) / 30 - 50)
+    assert "similarity 100" in run(
+        tmp_path / "teacher.npz", tmp_path / "learner.npz", "--bpm", "120", "--out", tmp_path / "out"
+    )
 
 
 def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(files, run, tmp_path):
@@ -100,7 +109,11 @@ def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(fil
     assert len(json.loads((tmp_path / "out" / "score.json").read_text())["warnings"]) == 2
     assert "learner dances mirrored" in page_hints(tmp_path / "out")[0]
     again = run(*words, *(word for option in options for word in option.replace("(", " ").split()))
-    assert "warning" not in again and int(re.search(r"similarity (\d+)", again)[1]) >= 95
+    assert (
+        "left and right are as the teacher has them" in again
+        and "warning" not in again
+        and int(re.search(r"similarity (\d+)", again)[1]) >= 95
+    )
     assert options[1] in run(*words, "--late", "0.3")  # the whole delay, not what is left of it
 
 

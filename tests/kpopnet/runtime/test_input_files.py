@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import ArraySchema, open_npy, parse_json, settings_from
+from kpopnet.runtime.input_files import ArraySchema, open_npy, parse_json, read_text, settings_from
 
 
 @dataclass
@@ -81,3 +81,8 @@ def test_more_values_than_memory_holds_are_refused_before_they_are_made():
         parse_json(text, "a.json")
     assert tracemalloc.get_traced_memory()[1] < 1_000_000
     tracemalloc.stop()
+
+
+def test_text_that_a_spreadsheet_saved_begins_without_its_mark(tmp_path):
+    (tmp_path / "labels.csv").write_bytes(b"\xef\xbb\xbflearner,rank\n")
+    assert read_text(tmp_path / "labels.csv") == "learner,rank\n"
