@@ -202,7 +202,10 @@ def plain_name(name: str) -> str:
 def frame_times_s(
     frames: int, times_s: np.ndarray | None, stated_fps: float | None, fps: float | None, source: str
 ) -> np.ndarray:
-    """(T,) times of a recording's frames in seconds: of the true rate `fps`, or those of the file, or of the stated rate."""
+    """(T,) times of a recording's frames in seconds: those of the file, or of the stated rate.
+
+    With a true rate `fps` those of the file are stretched to it in the median; they begin where they did.
+    """
     if fps is None and times_s is not None:
         return times_s
     rate = stated_fps if fps is None else fps
@@ -213,6 +216,8 @@ def frame_times_s(
         )
     if not 1 <= rate <= 1000:
         raise InputError(f"{source}: {rate:g} frames a second; expected 1 to 1000")
+    if times_s is not None and len(times_s) > 1 and (step_s := np.median(np.diff(times_s))) > 0:
+        return times_s[0] + (times_s - times_s[0]) / (rate * step_s)
     return np.arange(frames) / rate
 
 
