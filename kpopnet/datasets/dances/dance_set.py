@@ -164,7 +164,7 @@ class Dance:
 
 
 class KpopSet:
-    """A folder of dances, read one dance at a time."""
+    """A folder of dances, read one dance at a time; `unlabelled` counts those that are left out for want of labels."""
 
     def __init__(self, folder: Path | str, ranked: bool = True) -> None:
         """Lists the dances, or with ranked=False also those without labels.
@@ -177,6 +177,9 @@ class KpopSet:
         self._ranked, files = ranked, (TEACHER, LABELS)[: 1 + ranked]
         self.names = sorted(path.parent.name for path in self.folder.glob(f"*/{files[-1]}"))
         check_names(str(self.folder), self.names)
+        self.unlabelled = (
+            len({path.parent.name for path in self.folder.glob(f"*/{TEACHER}")} - set(self.names)) if ranked else 0
+        )
         if not self.names:
             raise InputError(
                 f"{self.folder}: no dances in it; a dance is a folder with {', '.join(files)} and a file for each learner "

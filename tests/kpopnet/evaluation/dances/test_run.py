@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -142,6 +143,13 @@ def test_a_mode_of_films_is_told_the_rate_which_names_its_poses(folder, monkeypa
     cache.poses(dance, dance.learners[0])
     rate = round(1 / np.median(np.diff(TIMES_S)), 1)
     assert estimator.fps == pytest.approx(rate) and f".{rate:g}fps.npz" in cache.path(dance, dance.learners[0]).name
+
+
+def test_dances_that_nobody_ranked_are_told(folder):
+    assert not any("without labels" in line for line in remarks(run(folder, {})))
+    (folder / "unranked").mkdir()
+    shutil.copy(next(folder.glob("*/teacher.h5")), folder / "unranked")
+    assert any("1 dances without labels.csv" in line for line in remarks(run(folder, {})))
 
 
 def test_what_means_nothing_in_a_set_is_not_claimed_of_it(folder):
