@@ -198,6 +198,14 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
     file.attrs.update(_attributes(config, shard, camera) | totals)
 
 
+def _version(package: str) -> str | None:
+    """The version of a package; None for one that is used from a copied checkout."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
 def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]:
     """The HDF5 attributes of a shard, but for the counts of what was rejected and forced."""
     start, stop = config.span(shard)
@@ -214,7 +222,7 @@ def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]
         "stop": stop,
         "camera": dataclasses.astuple(camera),
         "joint_names": list(JOINT_NAMES),
-        "packages": json.dumps({name: importlib.metadata.version(name) for name in PACKAGES}),
+        "packages": json.dumps({name: _version(name) for name in PACKAGES}),
     }
 
 

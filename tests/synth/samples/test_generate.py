@@ -1,10 +1,12 @@
 """Sets of shards: atomic writes, independence of order and number of processes, and resuming after a kill."""
 
+import importlib.metadata
 import json
 import re
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from programs import ROOT, run_program
@@ -70,6 +72,21 @@ def test_a_set_grows_to_the_same_whatever_the_processes_and_is_summarised_in_the
     assert (tmp_path / "contact_sheet.png").stat().st_size > 10_000
     generate(small, tmp_path, range(small.num_shards), processes=1)  # a part of what is there
     assert contents(tmp_path) == contents(whole) and finish(small, tmp_path, FREEZE)["samples"] == 22
+
+
+def test_a_checkout_that_is_not_installed_writes_a_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    installed = importlib.metadata.version
+
+    def version(package: str) -> str:
+        if package == "kpopnet":
+            raise importlib.metadata.PackageNotFoundError(package)
+        return installed(package)
+
+    monkeypatch.setattr(importlib.metadata, "version", version)
+    write_shard(replace(CLEAN, count=2), tmp_path, 0)
+    with h5py.File(shard_path(tmp_path, 0)) as file:
+        packages = json.loads(file.attrs["packages"])
+    assert packages["kpopnet"] is None and packages["numpy"] == np.__version__
 
 
 def test_another_set_is_not_overwritten(whole: Path) -> None:
