@@ -150,7 +150,7 @@ class Watcher:
                 raise ReaderGoneError("nobody reads the stream any more") from error
         if self._joints.add(seen):
             self._order(("joints", False))
-            self._order(("joints", True))  # nobody has asked for an end
+            self._order(("joints", True))  # no page has asked for an end
         if self._watched:
             self._tell("frame", self._shown(seen), picture(image.depth_m, PICTURE_WIDTH))
         return len(people)

@@ -105,7 +105,7 @@ def remarks(run: DanceRun) -> list[str]:
     if run.chosen < in_set:
         lines.append(f"Partial evaluation: {run.chosen} dances; not a result on the whole set.")
     if run.dances.unlabelled:
-        lines.append(f"Left out, since nobody ranked their learners: {run.dances.unlabelled} dances without labels.csv.")
+        lines.append(f"Left out: {run.dances.unlabelled} dances without labels.csv.")
     lines += [f"Left out because of an error: {name}: {reason}" for name, reason in run.failed.items()]
     return [*lines, DEFINITIONS]
 

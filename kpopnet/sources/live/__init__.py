@@ -89,8 +89,8 @@ class TurnedCamera:
 class PlayedRecording:
     """A recording that is played in its own time, once or again and again; a `LiveCamera`.
 
-    Where nobody reads in time, or while it is paused, it stands still, and where reading takes longer than recording took, it
-    plays more slowly: no image is left out.
+    Where images are not fetched in time, or while it is paused, it stands still, and where reading takes longer than recording
+    took, it plays more slowly: no image is left out.
 
     Attributes:
         paused: whether it stands still.

@@ -81,7 +81,7 @@ class OakCamera:
         return frame
 
     def _connect(self) -> None:
-        """Starts the depth of the camera, and stops it again where that fails: nobody would close what was never opened."""
+        """Starts the depth of the camera, and stops it again where that fails: what was never opened is never closed."""
         try:
             self._start()
             self._look_through(self._next(START_S))

@@ -92,7 +92,7 @@ class PipeCamera:
             raise CameraAwayError(self._away or SILENT.format(self._name))
         view, image, arrived = newest
         depth_m = depth_in_metres(image.depth, where=image.where, unit_known=self._unit_known)
-        self._unit_known |= bool(depth_m.any())  # an image of the first that measured something has told it
+        self._unit_known = self._unit_known or bool(depth_m.any())  # the sender's first image that measured something tells it
         return view.image(depth_m), moment(image.time_s, arrived)
 
     def close(self) -> None:
@@ -134,7 +134,7 @@ class PipeCamera:
         with self._changed:
             if self.camera not in (None, view.camera):
                 raise InputError(f"{self._name}: another camera sends now; start again")
-            self.camera, self._away = view.camera, ""
+            self.camera, self._away, self._unit_known = view.camera, "", False
             self._changed.notify_all()
         while (image := header.read(file, self._name)) is not None and not self._closed:
             with self._changed:

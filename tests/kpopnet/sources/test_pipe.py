@@ -126,6 +126,23 @@ def test_images_arrive_bit_for_bit_with_their_times(sender):
         assert before <= next_image(camera)[1] <= time.monotonic()
 
 
+def test_a_hand_before_the_camera_ends_nothing(sender):
+    hand = np.full_like(IMAGES[0], 40)
+    camera = sender.camera(sent_line())
+    for image in (IMAGES[0], hand, IMAGES[1]):
+        sender.send(sent_image(image))
+        np.testing.assert_array_equal(next_image(camera)[0], image.astype(np.float32) / 1000)
+
+
+def test_a_sender_of_metres_as_integers_is_refused(sender):
+    camera = sender.camera(sent_line())
+    sender.send(sent_image(np.zeros_like(IMAGES[0])))  # nothing was measured: it tells no unit
+    assert not next_image(camera)[0].any()
+    sender.send(sent_image(np.full_like(IMAGES[0], 3)))
+    with pytest.raises(InputError, match="these look like metres"):
+        next_image(camera)
+
+
 def test_of_images_that_wait_the_newest_is_given(sender):
     camera = sender.camera(sent_line())
     sender.send(*map(sent_image, IMAGES))

@@ -145,7 +145,7 @@ def test_a_mode_of_films_is_told_the_rate_which_names_its_poses(folder, monkeypa
     assert estimator.fps == pytest.approx(rate) and f".{rate:g}fps.npz" in cache.path(dance, dance.learners[0]).name
 
 
-def test_dances_that_nobody_ranked_are_told(folder):
+def test_dances_without_labels_are_told(folder):
     assert not any("without labels" in line for line in remarks(run(folder, {})))
     (folder / "unranked").mkdir()
     shutil.copy(next(folder.glob("*/teacher.h5")), folder / "unranked")
