@@ -20,9 +20,11 @@ MOMENTUM = 0.6
 COASTING_S = 1 / 6
 """A person is expected to keep their speed for this time, seconds: somebody hidden does not walk on for ever."""
 
-FORGOTTEN_S, GONE_S = 0.35, 60.0
-"""A person who was missing for the first time, seconds, may be found again anywhere; the one missing longest comes first, but
-whoever was missing for the second time after all others."""
+FORGOTTEN_S = 0.35
+"""A person who was missing for longer, seconds, may be found again anywhere; of several the one missing longest comes first."""
+
+GONE_S = 60.0
+"""A person who was missing for longer, seconds, comes after all others; of several the one missing shortest comes first."""
 
 DOUBTED_S = 2.0
 """For this time after a person was last certain, in seconds, little certainty is enough to follow them: what is taken for a
@@ -94,7 +96,7 @@ class Followed:
         return [found[column].identity if column in found else UNKNOWN for column in range(len(centres_m))]
 
     def _returned(self, centre_m: np.ndarray, time_s: float, found: dict[int, _Track]) -> _Track:
-        """Who was found where no person was expected: the person missing longest, but not gone, or a new one."""
+        """Who was found where no person was expected: of the missing by FORGOTTEN_S and GONE_S, or a new one."""
         present = {track.identity for track in found.values()}
         missing = [one for one in self._tracks if time_s - one.seen_s > FORGOTTEN_S and one.identity not in present]
         if missing:

@@ -54,7 +54,7 @@ def _over_time(sees_future: bool) -> OverTime:
 
 
 ANOTHER_AFTER_S = 10.0
-"""Who is found again after this time may be another person of the same identity, seconds: their body is measured anew."""
+"""After an absence of this time, seconds, an identity may be another person: the body is measured anew."""
 
 
 class DetectedPerson:

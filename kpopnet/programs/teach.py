@@ -47,7 +47,7 @@ FOLDER = Path("outputs/teach")
 PORT = 8471
 SIMULATED, RECORDING = "simulated", "recording"
 CAMERA_FPS = 30.0
-TOO_SLOW_S = 5.0  # for so long images are left out before a recording is given up that falls farther behind with each of them
+TOO_SLOW_S = 5.0  # a recording that falls farther behind with each image, for this time, is given up
 MOST_LETTERS = 60  # of a title
 
 
