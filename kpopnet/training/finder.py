@@ -9,6 +9,7 @@ import math
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import safetensors.torch
@@ -35,7 +36,10 @@ log = logging.getLogger(__name__)
 WEIGHTS, STATE, META = "finder.safetensors", "finder_state.pt", "finder.json"
 CPU = torch.device("cpu")
 CLIP_NORM = 1.0
-MIRROR_STREAM = 0x3166
+VIEW_STREAM = 0x3166
+ROLL_DEG, ZOOM = 12.0, (0.7, 1.7)
+"""Standard deviation of the roll, and range of the zoom, of cameras that see a scene anew."""
+
 AREA_CELLS = 150.0
 """A person of this many cells has weight 1 in each; others have the square root of the ratio, so that small people count."""
 
@@ -50,6 +54,7 @@ class FinderTraining:
         steps: number of steps; the learning rate's cycle spans them.
         batch_size: images a step.
         lr: peak learning rate.
+        other_views: share of the images that each step shows rolled, zoomed and cut anew; any image is mirrored or not.
         validate_every: steps between validations, each followed by a checkpoint.
         start: a file of weights to begin with, such as another run's finder.safetensors; None: random ones.
         resume: whether to go on with the run in the folder.
@@ -58,6 +63,7 @@ class FinderTraining:
     steps: int = 7000
     batch_size: int = 32
     lr: float = 3e-3
+    other_views: float = 0.5
     validate_every: int = 500
     start: str | None = None
     resume: bool = False
@@ -65,41 +71,75 @@ class FinderTraining:
     def __post_init__(self) -> None:
         for name in ("steps", "batch_size", "validate_every"):
             check_between(f"training.{name}", getattr(self, name), 1, 1e9)
+        check_between("training.other_views", self.other_views, 0, 1)
         if not 0 < self.lr < math.inf:
             raise InputError(f"training.lr={self.lr}: expected a positive number")
 
 
-class LoadedImages:
-    """All room images of a folder in memory: 61 kB each."""
+class SceneViews(NamedTuple):
+    """How images of scenes are seen anew: mirrored, then by a camera that is rolled about its optical axis and zooms."""
 
-    def __init__(self, folder: str) -> None:
+    to_image: (
+        np.ndarray
+    )  # (B, 2, 2) float32 matrix from pixels of the view to pixels of the image, about their principal points
+    to_view: np.ndarray  # (B, 2, 2) float32 matrix from X and Y in the image's camera frame to those in the view's
+    principal_px: np.ndarray  # (B, 2) float32 the views' principal points
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, cameras: np.ndarray, share: float) -> "SceneViews":
+        """Views of images with (B, 6) fx, fy, cx, cy, width, height: half of them mirrored, a share of them rolled and zoomed.
+
+        The middle of a view lies anywhere in the image, as long as the view does not reach beyond it or the image beyond the
+        view; what a roll brings in from beyond the image is not measured.
+        """
+        count, principal_px, middle_px = len(cameras), cameras[:, 2:4], (cameras[:, 4:6] - 1) / 2
+        other = rng.random(count) < share
+        roll = np.where(other, np.radians(ROLL_DEG) * rng.normal(size=count), 0.0)
+        zoom = np.where(other, np.exp(rng.uniform(*np.log(ZOOM), count)), 1.0)
+        shift_px = rng.uniform(-1, 1, (count, 2)) * np.abs(1 - 1 / zoom)[:, None] * middle_px
+        cos, sin = np.cos(roll), np.sin(roll)
+        side = np.where(rng.random(count) < 0.5, -1.0, 1.0)
+        to_view = np.array([[cos * side, -sin], [sin * side, cos]]).transpose(2, 0, 1)
+        of_middle_px = np.einsum("nij,nj->ni", to_view, middle_px + shift_px - principal_px) * zoom[:, None]
+        one = np.float32
+        return cls(one(to_view.transpose(0, 2, 1) / zoom[:, None, None]), one(to_view), one(middle_px - of_middle_px))
+
+
+class LoadedImages:
+    """All room images of a folder, in the memory of a device: 61 kB each."""
+
+    def __init__(self, folder: str, device: torch.device = CPU) -> None:
         images = RoomImages(folder)
         count, self.hash = len(images), images.hash
-        self.depth_mm = np.empty((count, CANVAS[1], CANVAS[0]), np.uint16)
-        self.labels = np.empty((count, CANVAS[1], CANVAS[0]), np.uint8)
-        self.intrinsics = np.empty((count, 4), np.float32)
-        self.torsos_m = np.empty((count, MOST_PEOPLE, 3), np.float32)
+        depth_mm = np.empty((count, CANVAS[1], CANVAS[0]), np.uint16)
+        labels = np.empty((count, CANVAS[1], CANVAS[0]), np.uint8)
+        self.cameras = np.empty((count, 6), np.float32)
+        torsos_m = np.empty((count, MOST_PEOPLE, 3), np.float32)
         start = 0
         for number in tqdm(range(len(images.paths)), desc=f"reading {folder}", disable=not sys.stderr.isatty()):
             arrays = images.file(number)
             rows = slice(start, start + len(arrays["depth_mm"]))
-            self.depth_mm[rows], self.labels[rows] = arrays["depth_mm"], arrays["labels"]
-            self.intrinsics[rows], self.torsos_m[rows] = arrays["cameras"][:, :4], arrays["joints_m"][:, :, Joint.TORSO]
+            depth_mm[rows], labels[rows] = arrays["depth_mm"], arrays["labels"]
+            self.cameras[rows], torsos_m[rows] = arrays["cameras"], arrays["joints_m"][:, :, Joint.TORSO]
             start = rows.stop
+        # torch selects rows of signed numbers alone.
+        self._images = [torch.from_numpy(one).to(device) for one in (depth_mm.view(np.int16), labels, np.nan_to_num(torsos_m))]
 
     def __len__(self) -> int:
-        return len(self.depth_mm)
+        return len(self.cameras)
 
-    def batch(self, rows: np.ndarray, mirrored: np.ndarray, device: torch.device = CPU) -> tuple[Tensor, Target]:
-        """The input and the target of some images, each mirrored or not, on a device."""
-        depth_mm, labels = self.depth_mm[rows].astype(np.int32), self.labels[rows]
-        intrinsics, torsos_m = self.intrinsics[rows].copy(), np.nan_to_num(self.torsos_m[rows])
-        depth_mm[mirrored], labels[mirrored] = depth_mm[mirrored, :, ::-1], labels[mirrored, :, ::-1]
-        intrinsics[mirrored, 2] = CANVAS[0] - 1 - intrinsics[mirrored, 2]
-        torsos_m[mirrored, :, 0] *= -1
-        of_cells = np.ascontiguousarray(labels[:, ::STRIDE, ::STRIDE])
-        on_device = (torch.from_numpy(one).to(device) for one in (depth_mm, of_cells, intrinsics, torsos_m))
-        return self._target(*on_device)
+    def batch(self, rows: np.ndarray, views: SceneViews | None = None) -> tuple[Tensor, Target]:
+        """The input and the target of some images, in views of them or as they are, on the device."""
+        device = self._images[0].device
+        depth_mm, labels, torsos_m = (one[torch.from_numpy(rows).to(device)] for one in self._images)
+        depth_mm, cameras = depth_mm.int() & 0xFFFF, self.cameras[rows].copy()
+        if views is not None:
+            to_image, to_view, principal_px, old = (torch.from_numpy(one).to(device) for one in (*views, cameras.copy()))
+            depth_mm, labels = _seen(torch.stack([depth_mm, labels.int()]), to_image, principal_px, old)
+            torsos_m = torch.cat([torsos_m[..., :2] @ to_view.mT, torsos_m[..., 2:]], -1)
+            cameras[:, :2] /= np.sqrt(np.abs(np.linalg.det(views.to_image)))[:, None]
+            cameras[:, 2:4] = views.principal_px
+        return self._target(depth_mm, labels[:, ::STRIDE, ::STRIDE], torch.from_numpy(cameras[:, :4]).to(device), torsos_m)
 
     def _target(self, depth_mm: Tensor, of_cells: Tensor, intrinsics: Tensor, torsos_m: Tensor) -> tuple[Tensor, Target]:
         depth_m, of_cells = depth_mm.float() / MM_PER_METRE, of_cells.long()
@@ -117,6 +157,17 @@ class LoadedImages:
             vote_m=padded_m[rows, of_cells].permute(0, 3, 1, 2) - points_m,
             weight=weights[rows, of_cells] * measured,
         )
+
+
+def _seen(images: Tensor, to_image: Tensor, principal_px: Tensor, cameras: Tensor) -> Tensor:
+    """(K, B, H, W) images as views show them: the nearest pixel, 0 beyond the image; `cameras` are the images' (B, 6)."""
+    _, count, height, width = images.shape
+    row, column = torch.meshgrid(*(torch.arange(size, device=images.device) for size in (height, width)), indexing="ij")
+    from_middle = torch.stack([column.flatten(), row.flatten()]) - principal_px[:, :, None]  # (B, 2, H W)
+    x, y = (to_image @ from_middle + cameras[:, 2:4, None]).round().long().unbind(1)
+    inside = (x >= 0) & (y >= 0) & (x < cameras[:, 4, None]) & (y < cameras[:, 5, None])
+    picked = images.flatten(2).gather(2, torch.where(inside, y * width + x, 0).expand(len(images), -1, -1))
+    return torch.where(inside, picked, 0).view(-1, count, height, width)
 
 
 class FinderRun(Descent):
@@ -170,13 +221,13 @@ class FinderRun(Descent):
 
 
 @torch.inference_mode()
-def validate(network: FinderNetwork, images: LoadedImages, batch_size: int, device: torch.device = CPU) -> dict[str, float]:
-    """Share of person cells found and of found cells that are right, at probability 0.5; median error of votes, metres."""
+def validate(network: FinderNetwork, images: LoadedImages, batch_size: int) -> dict[str, float]:
+    """Share of person cells found and of found cells that are right, at probability 0.5; median error of votes, centimetres."""
     found = right = wanted = 0.0
     errors, terms = [], []
     for start in range(0, len(images), batch_size):
         rows = np.arange(start, min(start + batch_size, len(images)))
-        image, target = images.batch(rows, np.zeros(len(rows), bool), device)
+        image, target = images.batch(rows)
         seen = network(image)
         person, said = (target.person > 0) & (target.weight > 0), (seen.person_logit > 0) & (target.weight > 0)
         found, right, wanted = found + float(said.sum()), right + float((said & person).sum()), wanted + float(person.sum())
@@ -202,7 +253,7 @@ def train_finder(
         torch.set_num_threads(threads)
     out.mkdir(parents=True, exist_ok=True)
     run = FinderRun(config, seed, out, on)
-    images, validation = LoadedImages(data["train"]), LoadedImages(data["validation"])
+    images, validation = LoadedImages(data["train"], on), LoadedImages(data["validation"], on)
     check_others(images.hash, validation.hash, data["validation"])
     size, settings = config.batch_size, asdict(config)
     del settings["resume"]
@@ -217,12 +268,12 @@ def train_finder(
         while run.step < config.steps:
             positions = np.arange(run.step * size, (run.step + 1) * size)
             rows = np.array([permutation(seed, int(p // len(images)), len(images))[p % len(images)] for p in positions])
-            mirrored = np.random.default_rng([seed, MIRROR_STREAM, run.step]).random(size) < 0.5
-            terms = run.update(*images.batch(rows, mirrored, on))
+            rng = np.random.default_rng([seed, VIEW_STREAM, run.step])
+            terms = run.update(*images.batch(rows, SceneViews.drawn(rng, images.cameras[rows], config.other_views)))
             bar.update()
             bar.set_postfix({name: f"{value:.3f}" for name, value in terms.items()}, refresh=False)
             if run.step % config.validate_every == 0 or run.step == config.steps:
-                metrics = validate(run.average, validation, size, on)
+                metrics = validate(run.average, validation, size)
                 run.save({"metrics": metrics, **described})
                 log.info(
                     f"step {run.step:,} of {config.steps:,}: of the people's cells {100 * metrics['recall']:.1f} % found, of "

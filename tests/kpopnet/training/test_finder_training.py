@@ -6,8 +6,21 @@ import torch
 from programs import run_program
 from room_image_files import write_room_images
 
+from kpopnet.data.canvas import STRIDE
+from kpopnet.data.room_images import RoomImages
 from kpopnet.errors import InputError
-from kpopnet.training.finder import META, STATE, WEIGHTS, FinderRun, FinderTraining, LoadedImages, train_finder, validate
+from kpopnet.skeleton import Joint
+from kpopnet.training.finder import (
+    META,
+    STATE,
+    WEIGHTS,
+    FinderRun,
+    FinderTraining,
+    LoadedImages,
+    SceneViews,
+    train_finder,
+    validate,
+)
 
 
 @pytest.fixture(scope="module")
@@ -55,11 +68,39 @@ def test_the_program_trains(data, tmp_path):
     assert (tmp_path / "run" / WEIGHTS).exists()
 
 
+def test_a_view_shows_the_same_scene_to_another_camera(data):
+    """What a cell of a view shows lies where the image has it, turned with the camera, to half a pixel; and so do torsos."""
+    images, rows = LoadedImages(data["train"]), np.arange(8)
+    views = SceneViews.drawn(np.random.default_rng(3), images.cameras[rows], share=0.75)
+    scaled = np.linalg.norm(views.to_image[:, :, 0], axis=1)
+    assert (np.linalg.det(views.to_view) < 0).any() and (np.abs(scaled - 1) > 0.1).any() and (scaled == 1).any()
+    plain, seen = (images.batch(rows, given) for given in (None, views))
+    plain_input, view_input = (given[0].numpy() for given in (plain, seen))
+    vote_m, shows_person = seen[1].vote_m.numpy(), seen[1].person.numpy() > 0
+    for row, camera in enumerate(images.cameras):
+        measured, log_depth, _, *rays = view_input[row, :, ::STRIDE, ::STRIDE]
+        assert measured.mean() > 0.3
+        fx, fy, cx, cy, width, height = camera
+        x, y = views.to_view[row].T @ np.reshape(rays, (2, -1))  # turned back
+        column, line = np.rint(x * fx + cx).astype(int), np.rint(y * fy + cy).astype(int)
+        inside = (column >= 0) & (line >= 0) & (column < width) & (line < height)
+        there, here = plain_input[row][:, line[inside], column[inside]], np.array([measured.ravel(), log_depth.ravel()])
+        np.testing.assert_allclose(here[:, inside], there[:2], atol=1e-5)
+        assert not here[:, ~inside].any()
+        of_person = (measured > 0) & shows_person[row]
+        points_m = np.array([*rays, np.ones_like(measured)]) * 2.5 * np.exp(log_depth)
+        torsos_m = (points_m + vote_m[row])[:, of_person].T
+        turned = np.eye(3)
+        turned[:2, :2] = views.to_view[row]
+        expected_m = turned @ RoomImages(data["train"])[row].joints_m[0, Joint.TORSO]
+        np.testing.assert_allclose(torsos_m, np.broadcast_to(expected_m, torsos_m.shape), atol=1e-4)
+
+
 def test_it_learns_which_cells_show_a_person_and_where_the_torso_is(data, tmp_path):
     images, run = LoadedImages(data["train"]), FinderRun(FinderTraining(steps=40, lr=5e-3), 0, tmp_path)
     first = validate(run.network, images, 8)
     for step in range(40):
-        run.update(*images.batch(np.arange(step % 2, 8, 2), np.zeros(4, bool)))
+        run.update(*images.batch(np.arange(step % 2, 8, 2)))
     run.network.eval()
     last = validate(run.network, images, 8)
     assert last["loss"] < 0.5 * first["loss"] and last["vote_error_cm"] < min(20, first["vote_error_cm"])
