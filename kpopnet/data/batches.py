@@ -16,7 +16,7 @@ import torch
 from torch.utils.data import DataLoader, Dataset
 
 from kpopnet.camera import Camera
-from kpopnet.data.cube import INPUTS, PLAIN_VIEW, Cube, View, crop, person_centre
+from kpopnet.data.cube import INPUTS, PLAIN_VIEW, Cube, View, crop, crop_pixels, person_centre
 from kpopnet.data.observation import Observation, ObservationSource
 from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig, ridge_probability
@@ -86,10 +86,35 @@ class AugmentConfig:
         check_between("augment.views", self.views, 1, 64)
 
 
+class Patches(NamedTuple):
+    """What B crops of S x S of the depth of N observations are taken from, as arrays or tensors: a GPU takes them faster."""
+
+    depth_m: torch.Tensor  # (M,) float32 pixels of the observations, one after another, row by row
+    sizes: torch.Tensor  # (N, 2) int64 width and height of each
+    # (B, 8) float64: the matrix and the point of `kpopnet.data.cube.crop_pixels`, the cube's centre's Z, and 1 / its half size
+    warps: torch.Tensor
+    crop_px: int  # S
+
+    def crops(self, device: torch.device) -> torch.Tensor:
+        """(B, 1, S, S) float32 on the device: what `kpopnet.data.cube.crop` makes of the depth of each."""
+        depth_m, sizes, warps = (one.to(device, non_blocking=True) for one in self[:3])
+        ends = sizes.prod(1).cumsum(0)
+        views = len(warps) // len(sizes)
+        starts, width, height = ((one.repeat_interleave(views)[:, None, None]) for one in (ends - sizes.prod(1), *sizes.T))
+        a, b, c, d, first_x, first_y, centre_z, per_half_size = warps.T[..., None, None]
+        pixels = torch.arange(self.crop_px, device=device, dtype=torch.float64)
+        columns, rows = pixels[None, None, :], pixels[None, :, None]
+        x, y = first_x + b * rows + 0.5 + a * columns, first_y + d * rows + 0.5 + c * columns
+        inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        z = depth_m[torch.where(inside, starts + y.long() * width + x.long(), 0)]
+        crops = ((z - centre_z.float()) * per_half_size.float()).clamp(-1, 1)
+        return torch.where(inside & (z > 0), crops, 1)[:, None]
+
+
 class Batch(NamedTuple):
     """B crops of C x S x S, float32, as arrays or tensors."""
 
-    crop: torch.Tensor  # (B, C, S, S)
+    crop: torch.Tensor | Patches  # (B, C, S, S), or what they are taken from
     target: torch.Tensor  # (B, 15, 3) joints in cube units, in the crop's view
     cube_m: torch.Tensor  # (B, 4) the cube's centre in the camera frame and its half size, metres
     # (B, 15, 3) ground-truth joints minus the centre of the silhouette, metres, without augmentation of the view
@@ -159,13 +184,16 @@ class CropBatches(Dataset):
     ridge: RidgeConfig = field(default_factory=RidgeConfig)  # of the ridge image, where the model takes one
     # the first step whose crops have the model's size, and the side in pixels of the crops before it
     small_crops: tuple[int, int] = (0, 0)
+    patches: bool = False  # whether a batch has `Patches` instead of crops, which must be of depth alone
 
     def __getitem__(self, step: int) -> Batch:
         keys, px = self.order(step), self.crop_px(step)
         channels, views = INPUTS[self.model.input], 1 if self.augment is None else self.augment.views
         count = views * len(keys)
+        depths_m: list[np.ndarray] = []
+        warps = np.empty((count, 8))
         batch = Batch(
-            crop=np.empty((count, channels, px, px), np.float32),
+            crop=np.empty((0 if self.patches else count, channels, px, px), np.float32),
             target=np.empty((count, NUM_JOINTS, 3), np.float32),
             cube_m=np.empty((count, 4), np.float32),
             offset_m=np.empty((count, NUM_JOINTS, 3), np.float32),
@@ -178,12 +206,20 @@ class CropBatches(Dataset):
             plain = Cube(centre_m, self.model.half_size_m)
             ridge = ridge_probability(observation.depth_m, self.ridge) if channels > 1 else None
             rng = np.random.default_rng([self.seed, AUGMENT_STREAM, epoch, index])
+            depths_m.append(observation.depth_m)
             for row in range(first * views, (first + 1) * views):
                 cube, view = (plain, PLAIN_VIEW) if self.augment is None else draw_view(rng, plain, self.augment)
                 batch.offset_m[row] = observation.joints_camera_m - centre_m
-                batch.crop[row] = crop(observation.depth_m, observation.camera, cube, px, ridge, view)
+                if self.patches:
+                    to_pixels = (one.ravel() for one in crop_pixels(observation.camera, cube, px, view))
+                    warps[row] = np.concatenate([*to_pixels, [cube.centre_m[2], 1 / cube.half_size_m]])
+                else:
+                    batch.crop[row] = crop(observation.depth_m, observation.camera, cube, px, ridge, view)
                 batch.target[row] = view.joints(cube.to_uvd(observation.joints_camera_m))
                 batch.cube_m[row] = (*cube.centre_m, cube.half_size_m)
+        if self.patches:
+            sizes = np.array([one.shape[::-1] for one in depths_m])
+            batch = batch._replace(crop=Patches(np.concatenate([one.ravel() for one in depths_m]), sizes, warps, px))
         return batch._replace(skipped=skipped)
 
     def crop_px(self, step: int) -> int:

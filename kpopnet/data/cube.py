@@ -114,16 +114,21 @@ def crop(
     `view.joints` transforms joints as `view` does the cube. Raises InputError if an image is not of the camera's size.
     """
     check_images("depth and ridge image", camera, depth_m, *(() if ridge is None else (ridge,)))
-    cx, cy, cz = (float(value) for value in cube.centre_m)
-    # From cube units of this view to X / Z and Y / Z to image pixels; crop pixel i lies at u = (2 i + 1) / crop_px - 1.
-    to_pixels = np.diag([camera.fx, camera.fy]) @ np.linalg.inv(view.matrix()) * (cube.half_size_m / cz)
-    step = to_pixels * (2 / crop_px)
-    first = to_pixels @ np.full(2, 1 / crop_px - 1) + (camera.fx * cx / cz + camera.cx, camera.fy * cy / cz + camera.cy)
+    step, first = crop_pixels(camera, cube, crop_px, view)
     out = np.empty((1 if ridge is None else 2, crop_px, crop_px), np.float32)
-    warp_depth(depth_m, step, first, np.float32(cz), np.float32(1 / cube.half_size_m), out[0])
+    warp_depth(depth_m, step, first, np.float32(cube.centre_m[2]), np.float32(1 / cube.half_size_m), out[0])
     if ridge is not None:
         warp_mean(ridge, step, first, out[1])
     return out
+
+
+def crop_pixels(camera: Camera, cube: Cube, crop_px: int, view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Where a crop's pixels lie in the image: (2, 2) step and (2,) first, float64, of pixel first + step @ (column, row)."""
+    cx, cy, cz = (float(value) for value in cube.centre_m)
+    # From cube units of this view to X / Z and Y / Z to image pixels; crop pixel i lies at u = (2 i + 1) / crop_px - 1.
+    to_pixels = np.diag([camera.fx, camera.fy]) @ np.linalg.inv(view.matrix()) * (cube.half_size_m / cz)
+    first = to_pixels @ np.full(2, 1 / crop_px - 1) + (camera.fx * cx / cz + camera.cx, camera.fy * cy / cz + camera.cy)
+    return to_pixels * (2 / crop_px), first
 
 
 @njit(cache=True)

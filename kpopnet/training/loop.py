@@ -25,6 +25,7 @@ from kpopnet.data.batches import (
     Batch,
     CropBatches,
     EvenOrder,
+    Patches,
     ShuffledOrder,
     SmallCropsConfig,
     batch_loader,
@@ -186,7 +187,9 @@ class Run(Descent):
 
         Raises InputError, before it changes a weight, if the loss or its gradient is not finite.
         """
-        crop, target = batch.crop.to(self.processes.device), batch.target.to(self.processes.device)
+        device = self.processes.device
+        crop = batch.crop.crops(device) if isinstance(batch.crop, Patches) else batch.crop.to(device)
+        target = batch.target.to(device)
         # Step
         self.network.train()
         prediction = self.data_parallel(crop)
@@ -331,7 +334,8 @@ def training_batches(config: RunConfig, source: ObservationSource, processes: Pr
         )
     order = ShuffledOrder(len(source), observations, config.seed, processes.rank, processes.count)
     small = training.small_steps, training.small_crops.crop_px
-    return CropBatches(source, config.model, order, config.seed, training.augment, config.ridge, small)
+    patches = processes.device.type == "cuda" and config.model.input == "depth"
+    return CropBatches(source, config.model, order, config.seed, training.augment, config.ridge, small, patches)
 
 
 def validation_batches(config: RunConfig, validation: ObservationSource, crop_px: int) -> list[Batch]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from capsule_people import CapsulePeople
 
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, occlude
@@ -98,6 +99,18 @@ def test_each_observation_of_a_batch_is_seen_in_as_many_views_as_asked_for():
         Cube(cube_m[:3], cube_m[3]).to_metres(target) for cube_m, target in zip(shifted.cube_m, shifted.target, strict=True)
     ]
     np.testing.assert_allclose(joints_m, np.repeat(joints_m[::3], 3, axis=0), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "augment", [AugmentConfig(views=3), AugmentConfig(any_rotation=1, scale=0.9, jitter_m=0.5, occluder=1)]
+)
+def test_crops_taken_from_patches_are_those_of_the_twin(augment):
+    """Far outside the image too, where the twin reads nothing."""
+    whole = batches(augment=augment)
+    one, other = (torch.utils.data.default_convert(data[5]) for data in (whole, replace(whole, patches=True)))
+    np.testing.assert_array_equal(other.crop.crops(torch.device("cpu")), one.crop)
+    for name in ("target", "cube_m", "offset_m", "skipped"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(one, name), err_msg=name)
 
 
 def test_any_rotation_turns_its_share_of_people_by_any_angle():
