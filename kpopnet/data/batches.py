@@ -97,13 +97,15 @@ class Patches(NamedTuple):
 
     def crops(self, device: torch.device) -> torch.Tensor:
         """(B, 1, S, S) float32 on the device: what `kpopnet.data.cube.crop` makes of the depth of each."""
-        depth_m, sizes, warps = (one.to(device, non_blocking=True) for one in self[:3])
-        ends = sizes.prod(1).cumsum(0)
-        views = len(warps) // len(sizes)
-        starts, width, height = ((one.repeat_interleave(views)[:, None, None]) for one in (ends - sizes.prod(1), *sizes.T))
+        pixels = self.sizes.prod(1)
+        of_each = torch.column_stack([pixels.cumsum(0) - pixels, self.sizes]).repeat_interleave(
+            len(self.warps) // len(pixels), 0
+        )
+        depth_m, of_each, warps = (one.to(device, non_blocking=True) for one in (self.depth_m, of_each, self.warps))
+        starts, width, height = of_each.T[..., None, None]
         a, b, c, d, first_x, first_y, centre_z, per_half_size = warps.T[..., None, None]
-        pixels = torch.arange(self.crop_px, device=device, dtype=torch.float64)
-        columns, rows = pixels[None, None, :], pixels[None, :, None]
+        columns = torch.arange(self.crop_px, device=device, dtype=torch.float64)
+        rows = columns[:, None]
         x, y = first_x + b * rows + 0.5 + a * columns, first_y + d * rows + 0.5 + c * columns
         inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
         z = depth_m[torch.where(inside, starts + y.long() * width + x.long(), 0)]

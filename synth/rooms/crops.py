@@ -40,6 +40,7 @@ class PersonCropsConfig(RoomImagesConfig):
     Attributes:
         name: person_crops.
         shards: number of files of 500 scenes.
+        dances: number of dances of which single poses are taken.
     """
 
     name: str = "person_crops"
