@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ import torch
 from torch.utils.data import DataLoader, Dataset
 
 from kpopnet.camera import Camera
-from kpopnet.data.cube import INPUTS, PLAIN_VIEW, Cube, View, crop, crop_pixels, person_centre
+from kpopnet.data.cube import INPUTS, PLAIN_VIEW, Cube, View, check_crop_px, crop, crop_pixels, person_centre
 from kpopnet.data.observation import Observation, ObservationSource
 from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig, ridge_probability
@@ -52,8 +52,7 @@ class SmallCropsConfig:
 
     def __post_init__(self) -> None:
         check_between("training.small_crops.share", self.share, 0, 1)
-        if not 32 <= self.crop_px <= 256 or self.crop_px % 16:
-            raise InputError(f"training.small_crops.crop_px={self.crop_px}: expected a multiple of 16, 32 to 256")
+        check_crop_px("training.small_crops.crop_px", self.crop_px)
 
 
 @dataclass
@@ -79,11 +78,13 @@ class AugmentConfig:
     occluder: float = 0.3
     views: int = 1
 
+    group: ClassVar[str] = "training.augment"
+
     def __post_init__(self) -> None:
         highest = {"mirror": 1, "rotation_deg": 180, "any_rotation": 1, "scale": 0.99, "jitter_m": 0.5, "occluder": 1}
         for name, high in highest.items():
-            check_between(f"augment.{name}", getattr(self, name), 0, high)
-        check_between("augment.views", self.views, 1, 64)
+            check_between(f"{self.group}.{name}", getattr(self, name), 0, high)
+        check_between(f"{self.group}.views", self.views, 1, 64)
 
 
 class Patches(NamedTuple):

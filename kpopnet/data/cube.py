@@ -17,6 +17,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.camera import Camera, check_images
+from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR
 
 INPUTS = {"depth": 1, "depth_ridge": 2}
@@ -29,8 +30,17 @@ MEDIAN_POINTS = 2000
 """The median over a silhouette uses at least this many points, if it has them; more change it by millimetres."""
 
 
+MAX_CROP_PX, CROP_STEP_PX = 256, 16
+"""Largest side of a crop, which a checkpoint's description chooses, and the largest stride of a network's encoder."""
+
 MOST_SIDE = 64
 """Most samples along the side of a crop's pixel: as many as a person half a metre before a camera of 1280 pixels has."""
+
+
+def check_crop_px(name: str, side: int) -> None:
+    """Raises InputError unless a crop can have this side, in pixels."""
+    if not 32 <= side <= MAX_CROP_PX or side % CROP_STEP_PX:
+        raise InputError(f"{name}={side}: expected a multiple of {CROP_STEP_PX}, 32 to {MAX_CROP_PX}")
 
 
 @dataclass(frozen=True)

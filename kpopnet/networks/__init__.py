@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from kpopnet.data.cube import INPUTS
+from kpopnet.data.cube import INPUTS, check_crop_px
 from kpopnet.errors import InputError, check_one_of
 from kpopnet.runtime.input_files import check_fields, read_json, settings_from
 from kpopnet.skeleton import NUM_JOINTS
@@ -22,8 +22,8 @@ KINDS = ("holistic", "dense")
 STRIDES = (4, 8, 16)
 """Strides of the encoder's three outputs in crop pixels."""
 
-MAX_CROP_PX, MAX_WIDTH = 256, 512
-"""A checkpoint's description chooses these sizes: they bound the weights to 0.3 GB, and a batch's maps to a few."""
+MAX_WIDTH = 512
+"""A checkpoint's description chooses widths, and the crop: they bound the weights to 0.3 GB, and a batch's maps to a few."""
 
 META, WEIGHTS = "meta.json", "model.safetensors"
 FORMAT = "kpopnet-checkpoint"
@@ -58,8 +58,7 @@ class ModelConfig:
     def __post_init__(self) -> None:
         for name, known in (("kind", KINDS), ("input", INPUTS)):
             check_one_of(f"model.{name}", getattr(self, name), known)
-        if not 32 <= self.crop_px <= MAX_CROP_PX or self.crop_px % STRIDES[-1]:
-            raise InputError(f"model.crop_px={self.crop_px}: expected a multiple of {STRIDES[-1]}, 32 to {MAX_CROP_PX}")
+        check_crop_px("model.crop_px", self.crop_px)
         if not 0.5 <= self.half_size_m <= 5:
             raise InputError(f"model.half_size_m={self.half_size_m}: expected metres, 0.5 to 5")
         # Multiples of 8 fill vector registers.

@@ -76,13 +76,14 @@ class PaperTrackerConfig:
 
     def __post_init__(self) -> None:
         for name, known in (("candidates", ("ridge", "depth")), ("lost", LOST), ("start", ("y_pose", "label"))):
-            check_one_of(f"paper_tracker: {name}", getattr(self, name), known)
-        if not (0 < self.r_m <= 2 and 0 < self.epsilon_m <= 1 and 0 <= self.straightness < 1 and self.sufficient > 0):
+            check_one_of(f"estimator.paper_tracker.{name}", getattr(self, name), known)
+        lengths = 0 < self.r_m <= 2 and 0 < self.epsilon_m <= 1
+        if not (lengths and 0 <= self.straightness < 1 and 0 < self.epsilon_r < 1 and self.sufficient > 0):
             raise InputError(
-                "paper_tracker: expected r_m in 0..2 m, epsilon_m in 0..1 m, straightness in 0..1 and sufficient above 0, "
-                f"found {self.r_m}, {self.epsilon_m}, {self.straightness} and {self.sufficient}"
+                "estimator.paper_tracker: expected r_m in 0..2 m, epsilon_m in 0..1 m, straightness and epsilon_r in 0..1 and "
+                f"sufficient above 0, found {self.r_m}, {self.epsilon_m}, {self.straightness}, {self.epsilon_r} and "
+                f"{self.sufficient}"
             )
-        RidgeConfig(self.epsilon_r)
 
 
 class PaperTracker:

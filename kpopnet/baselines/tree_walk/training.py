@@ -1,6 +1,7 @@
 """Trains a random tree walk: images, positions in them and a tree for each joint; judges it on other images."""
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from tqdm import tqdm
@@ -8,7 +9,7 @@ from tqdm import tqdm
 from kpopnet.baselines.tree_walk.growing import Samples, grow, merge_trees
 from kpopnet.baselines.tree_walk.walking import HALF_SIZE_M, UNITS, TreeWalkModel, integer_image
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader
-from kpopnet.data.cube import Cube
+from kpopnet.data.cube import Cube, check_crop_px
 from kpopnet.data.observation import ObservationSource
 from kpopnet.errors import check_between
 from kpopnet.networks import ModelConfig
@@ -21,6 +22,13 @@ AROUND_M = 0.3
 
 POSITIONS_STREAM, GROWTH_STREAM = 0x91AC, 0x7EEE
 """Make these random draws independent of each other and of those of the observations, which have the same seed."""
+
+
+@dataclass
+class TreeWalkAugmentConfig(AugmentConfig):
+    """The same, of a random tree walk."""
+
+    group: ClassVar[str] = "tree_walk.augment"
 
 
 @dataclass
@@ -42,13 +50,13 @@ class TreeWalkConfig:
     crop_px: int = 96
     leaf_samples: int = 40
     features: int = 100
-    augment: AugmentConfig = field(default_factory=AugmentConfig)
+    augment: AugmentConfig = field(default_factory=TreeWalkAugmentConfig)
     validation_images: int = 4000
 
     def __post_init__(self) -> None:
         for name in ("images", "places", "leaf_samples", "features", "validation_images"):
             check_between(f"tree_walk.{name}", getattr(self, name), 1, 1e8)
-        ModelConfig(crop_px=self.crop_px)  # refuses invalid crops
+        check_crop_px("tree_walk.crop_px", self.crop_px)
 
 
 def train(

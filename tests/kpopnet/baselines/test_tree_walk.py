@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from capsule_people import CAMERA, CapsulePeople, draw_depth, draw_joints
+from omegaconf import OmegaConf
 from safetensors.numpy import load_file, save_file
 
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
@@ -11,6 +12,7 @@ from kpopnet.baselines.tree_walk.walking import META, TREES, TreeWalkEstimator, 
 from kpopnet.data.batches import AugmentConfig
 from kpopnet.data.cube import person_centre
 from kpopnet.errors import InputError
+from kpopnet.programs.train import TreeWalkTrainingConfig
 from kpopnet.skeleton import Joint
 
 STILL = AugmentConfig(mirror=0, rotation_deg=0, occluder=0)
@@ -76,3 +78,12 @@ def test_damaged_trees_are_refused(trained, tmp_path, change, message):
     with pytest.raises(InputError, match=message) as refused:
         TreeWalkModel.load(tmp_path)
     assert TREES in str(refused.value)
+
+
+@pytest.mark.parametrize("wrong", ["tree_walk.crop_px=100", "tree_walk.places=0", "tree_walk.augment.occluder=2"])
+def test_a_refused_setting_has_the_name_that_a_user_types(wrong):
+    config = OmegaConf.structured(TreeWalkTrainingConfig)
+    config.merge_with_dotlist([wrong])
+    with pytest.raises(InputError) as refused:
+        OmegaConf.to_object(config)
+    assert str(refused.value).partition(":")[0].removesuffix(".0") == wrong

@@ -151,5 +151,5 @@ def test_an_empty_silhouette_is_replaced_by_the_next_observation_and_counted():
 
 
 def test_invalid_augmentation_is_refused_with_its_setting():
-    with pytest.raises(InputError, match=r"augment\.rotation_deg"):
+    with pytest.raises(InputError, match=r"^training\.augment\.rotation_deg=-3"):
         AugmentConfig(rotation_deg=-3.0)
