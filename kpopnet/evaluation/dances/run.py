@@ -33,6 +33,9 @@ NO_JOINTS_M = np.zeros((0, len(Joint), 3))
 
 MAIN_SCORER = "dance22"
 
+OTHER_NETWORK = "{name} runs a given checkpoint, but what is taken out of its scores are the errors of the package's network."
+"""An assumption of the report."""
+
 
 class Method(NamedTuple):
     """A scorer on a source of joints: the true ones (TRUTH) or those of an estimator, by its name."""
@@ -52,7 +55,7 @@ class DanceRun:
     agreements: dict[Method, Agreement]  # with the experts
     fps: dict[str, float]  # of the estimation, by the estimator's name
     failed: dict[str, str]  # the error message of each dance that was left out, by its name
-    assumptions: list[str]  # sentences for the report about changed settings and missing true joints
+    assumptions: list[str]  # sentences for the report about changed settings, borrowed noise and missing true joints
     chosen: int  # number of dances that were to be scored, including the failed ones
 
     @property
@@ -140,6 +143,9 @@ def run_dances(
         if not methods:
             raise InputError(f"{dances.folder}: {lacking}; give an estimator")
         assumptions.append(f"Scores on true joints are left out: {lacking}.")
+    if any(isinstance(one, PartScorer) and one.noise == "auto" for one in scorers.values()):
+        others = [name for name in NOISE.keys() & caches if getattr(estimators[name], "checkpoint", None) is not None]
+        assumptions += [OTHER_NETWORK.format(name=name) for name in sorted(others)]
     scores = {method: {name: one.scores[method] for name, one in scored.items()} for method in methods}
     agreements = {
         method: agreement({name: similarities(learners) for name, learners in by_dance.items()}, seed)

@@ -12,6 +12,7 @@ import pytest
 from dance_people import dance_joints_m, noisy
 
 from kpopnet.camera import Camera
+from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS
 from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet
@@ -23,6 +24,7 @@ from kpopnet.evaluation.dances import pose_cache
 from kpopnet.evaluation.dances.pose_cache import PoseCache
 from kpopnet.evaluation.dances.report import evaluate_dances, paired_table, rank_table, remarks
 from kpopnet.evaluation.dances.run import run_dances
+from kpopnet.evaluation.registry import NetworkEstimatorConfig
 from kpopnet.evaluation.report import write
 from kpopnet.pose.person import PersonEstimator
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
@@ -194,6 +196,14 @@ def test_trackers_do_not_wait_for_the_y_pose(folder, monkeypatch):
     found = run(folder, {"tracker": TrackerEstimatorConfig(start="y_pose")}, count=1)
     assert [config.start for config in built] == ["auto"]
     assert any("start=auto" in line for line in found.assumptions)
+
+
+@pytest.mark.parametrize(("checkpoint", "noise", "told"), [("mine", "auto", 1), (None, "auto", 0), ("mine", "none", 0)])
+def test_it_is_said_that_the_noise_of_another_checkpoint_is_not_its_own(folder, monkeypatch, checkpoint, noise, told):
+    monkeypatch.setattr(pose_cache, "build_estimators", lambda one: {"network": Fake(FakeConfig())})
+    estimators = {"network": NetworkEstimatorConfig(checkpoint=checkpoint)}
+    found = run(folder, estimators, count=1, scorers={"dance22": PartScorer(noise=noise)})
+    assert sum("network runs a given checkpoint" in line for line in found.assumptions) == told
 
 
 def test_the_report_has_all_its_parts(folder, fake, tmp_path):
