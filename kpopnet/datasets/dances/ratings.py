@@ -39,15 +39,15 @@ def all_pairs(dances: dict[str, list[str]], rater: str, seed: int) -> list[Answe
     """Every pair that a rater is shown, in the rater's own order, which the seed and the rater's name determine.
 
     Dances come one after the other, so that whoever stops early has completed some. One pair of each dance is shown again, with
-    sides swapped, after the next dance, when the rater does not remember the first answer. `dances` has the names of the
-    learners by dance.
+    sides swapped, after the next dance, when the rater does not remember the first answer: one of the first third, since the
+    last dance's comes right after it. `dances` has the names of the learners by dance.
     """
     rng = np.random.default_rng([seed, *rater.encode()])
     shown, again = [], []
     for name in rng.permutation(sorted(dances)).tolist():
         pairs = [Answer(name, *rng.permutation(pair).tolist()) for pair in combinations(sorted(dances[name]), 2)]
         pairs = [pairs[k] for k in rng.permutation(len(pairs))]
-        one = pairs[rng.integers(len(pairs))]
+        one = pairs[rng.integers(-(-len(pairs) // 3))]
         shown += pairs + again
         again = [replace(one, left=one.right, right=one.left, repeat=True)]
     return shown + again
