@@ -5,8 +5,8 @@ Three defects of the popular cgspeed conversion of the CMU recordings are correc
 - It lost every bone that branches: the thorax, and the last third of each forearm. Its "LeftHand" is that last third of the
   forearm, and its "LeftFingerBase" is the hand.
 - Its first frame is not recorded but the T-pose. It is dropped.
-- Subjects 60 and 61 were recorded at 60 frames per second but the files state 120. These files are recognised by name;
-  `fps` overrides the rate of any other file.
+- Subjects 60 and 61 were recorded at 60 frames per second but the files state 120. These files are recognised by their name
+  and CMU's unit of length; any other file is read at the rate that it states, unless `fps` overrides it.
 """
 
 import logging
@@ -28,7 +28,8 @@ log = logging.getLogger(__name__)
 
 _DOWN = (0.0, -1.0, 0.0)
 
-_UNITS_M = {"metres": 1.0, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001, "CMU's 5.64 cm": 0.0254 / 0.45}
+_CMU_M = 0.0254 / 0.45
+_UNITS_M = {"metres": 1.0, "inches": 0.0254, "centimetres": 0.01, "millimetres": 0.001, "CMU's 5.64 cm": _CMU_M}
 """Metres per unit for the units that occur in files. The leg lengths of adults in these units do not overlap."""
 
 _MIN_LEG_M, _MAX_LEG_M, _MEAN_LEG_M = 0.6, 1.15, 0.8529
@@ -82,7 +83,7 @@ def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:
         rotated, root = rotated[1:], root[1:]
     leg = sum(np.linalg.norm(rest[found[f"Left{b}"]] - rest[found[f"Left{a}"]]) for a, b in (("UpLeg", "Leg"), ("Leg", "Foot")))
     metres = _unit(float(leg), path)
-    if fps is None and re.match(r"^6[01]_\d+", path.stem) and bvh.fps > 100:
+    if fps is None and re.fullmatch(r"6[01]_\d\d", path.stem) and metres == _CMU_M and bvh.fps > 100:
         log.info("%s states %.0f frames a second but CMU recorded subjects 60 and 61 at 60: read as 60", path.name, bvh.fps)
         fps = 60.0
     rate = bvh.fps if fps is None else fps

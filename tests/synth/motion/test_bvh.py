@@ -152,11 +152,13 @@ def test_the_floor_is_moved_below_the_body(tmp_path):
     assert_same_motion(bvh_motion(write_bvh(tmp_path / "a.bvh", high)), DANCE)
 
 
-def test_the_wrong_rate_of_subjects_60_and_61_is_corrected_by_file_name(tmp_path):
-    for name, expected in (("60_03.bvh", 60.0), ("61_12.bvh", 60.0), ("05_01.bvh", 120.0), ("160_3.bvh", 120.0)):
-        path = write_bvh(tmp_path / name, DANCE, fps=120)
-        assert bvh_motion(path).fps == pytest.approx(expected, rel=1e-4)
-    assert bvh_motion(tmp_path / "60_03.bvh", fps=90.0).fps == 90.0
+def test_the_wrong_rate_of_cmus_subjects_60_and_61_is_corrected_and_that_of_no_other_file(tmp_path):
+    cmu, cm = 0.0254 / 0.45, 0.01
+    wrong, right = [("60_03", cmu), ("61_12", cmu)], [("60_03", cm), ("60_fps", cmu), ("05_01", cmu), ("160_3", cmu)]
+    for name, unit in wrong + right:
+        path = write_bvh(tmp_path / f"{name}.bvh", DANCE, fps=120, unit=unit)
+        assert bvh_motion(path).fps == pytest.approx(60 if (name, unit) in wrong else 120, rel=1e-4)
+        assert bvh_motion(path, fps=90.0).fps == 90.0
 
 
 def test_a_missing_joint_is_reported_with_the_file_and_the_joints_found(tmp_path):
