@@ -88,7 +88,7 @@ def read_csv(path: Path) -> NamedPoints:
                 len(set(numbers)) == len(numbers), str(path), "one line for each frame; give each person a file of their own"
             )
             by_number = dict(zip(numbers, frames, strict=True))
-            frames = list(_with_those_between(by_number, path, min(map(int, numbers))).values())
+            frames = list(_with_those_between(by_number, path).values())
     return joint_points(frames, None, str(path))
 
 
@@ -122,17 +122,17 @@ def _long_points(rows: list[tuple[int, list[str]]], places: dict[str, int], path
         expect(name not in frame["joints"], where, f"one line for {name} in a frame; give each person a file of their own")
         frame["joints"][name] = [_number(row[places[part]], where) for part in parts]
     if not any(time in places for time in TIMES) and all(number.isdecimal() for number in frames):
-        frames = _with_those_between(frames, path, 1)
+        frames = _with_those_between(frames, path)
     return joint_points(list(frames.values()), None, str(path))
 
 
-def _with_those_between(frames: dict[str, dict], path: Path, first: int) -> dict[str, dict]:
-    """Frames by their numbers, with those between that have no line, since no person was found in them.
+def _with_those_between(frames: dict[str, dict], path: Path) -> dict[str, dict]:
+    """Frames by their numbers, with those before and between that have no line, since no person was found in them.
 
-    They count from `first`, or from an earlier one that is there.
+    They count from 1, or from 0 if that is there: as a time that is stated does, a number tells when the first person was seen.
     """
     by_number = {int(number): frame for number, frame in frames.items()}
-    first, last = min(*by_number, first), max(by_number)
+    first, last = min(*by_number, 1), max(by_number)
     check_budget(path, (last - first + 1) * 33 * 32, f"frames {first} to {last} of 33 points")
     return {str(number): by_number.get(number, {"joints": {}}) for number in range(first, last + 1)}
 

@@ -162,7 +162,7 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path):
 def test_frames_that_a_wide_table_leaves_out_keep_their_time_and_two_people_in_one_are_refused(tmp_path):
     path = write_csv(tmp_path / "wide.csv", person(), {"frame": np.delete(np.arange(100, 100 + FRAMES + 5), range(3, 8))})
     path.write_text(path.read_text().replace("time_s", "clock", 1))
-    assert read_performance(path, 10).times_s[-1] == pytest.approx((FRAMES + 4) / 10)
+    assert read_performance(path, 10).times_s[-1] == pytest.approx((99 + FRAMES + 4) / 10)
     path = write_csv(tmp_path / "timed.csv", person(), {"frame": np.arange(FRAMES) * 2, "time_s": np.arange(FRAMES) / 25})
     assert read_performance(path).times_s[-1] == pytest.approx((FRAMES - 1) / 25)
     path = write_csv(tmp_path / "wide.csv", person(), {"frame_index": np.repeat(np.arange(FRAMES), 2)[:FRAMES]})
@@ -173,6 +173,21 @@ def test_frames_that_a_wide_table_leaves_out_keep_their_time_and_two_people_in_o
     (tmp_path / "two.csv").write_text("\n".join(lines))
     with pytest.raises(InputError, match=r"two\.csv, line \d+: expected one line for \w+ in a frame"):
         read_performance(tmp_path / "two.csv", 25)
+
+
+@pytest.mark.parametrize("number", ["frame", "time_s"])
+@pytest.mark.parametrize("first", [0, 1, 2, 30])
+def test_a_motion_begins_at_one_time_in_wide_and_in_long_tables(tmp_path, number, first):
+    clock, points = first + np.delete(np.arange(FRAMES + 1), 7), person()
+    wide = write_csv(tmp_path / "wide.csv", points, {number: clock})
+    wide.write_text(wide.read_text() if number == "time_s" else wide.read_text().replace("time_s", "clock", 1))
+    rows = (f"{at},{name},{x},{y},{z}" for k, at in enumerate(clock) for name, one in points.items() for x, y, z in one[[k]])
+    (tmp_path / "long.csv").write_text("\n".join([f"{number},name,x,y,z", *rows]))
+    one, other = (read_performance(tmp_path / name, 10 if number == "frame" else None) for name in ("wide.csv", "long.csv"))
+    np.testing.assert_array_equal(one.times_s, other.times_s)
+    np.testing.assert_allclose(one.joints_m, other.joints_m, atol=1e-6)
+    begins_s = one.times_s[np.isfinite(one.joints_m).all(axis=(1, 2)).argmax()]
+    assert begins_s == pytest.approx(first if number == "time_s" else max(first - 1, 0) / 10)
 
 
 def test_a_given_frame_rate_overrides_the_files(tmp_path):
