@@ -205,6 +205,9 @@ def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
         text = "{percent}% too fast throughout" if score.tempo > 1 else "{percent}% too slow throughout"
         yield "tempo", Said(text, percent=f"{100 * abs(score.tempo - 1):.0f}")
+    if centred := score.stage.centred:
+        text = "place and height are not graded: as recorded, the hips never move ({dancers})"
+        yield "place", Said(text, dancers=[Said(name) for name in centred])
     for who, start_s, end_s in _unseen(score):
         yield "coverage", Said("{what} {when}", what=who, when=from_to(start_s, end_s))
 

@@ -287,6 +287,7 @@ export default {
   "turned to the right": "nach rechts gedreht",
   "turned to the left": "nach links gedreht",
   "the mirror image fits much better: did the learner mirror the teacher?": "das Spiegelbild passt viel besser: Wurde spiegelverkehrt getanzt?",
+  "place and height are not graded: as recorded, the hips never move ({dancers})": "Ort und Höhe werden nicht bewertet: in der Aufnahme bewegt sich die Hüfte nie ({dancers})",
   "compared as in a mirror: left and right are as the teacher has them": "wie im Spiegel verglichen: links und rechts sind wie beim Coach",
   "{percent}% too fast throughout": "durchgehend {percent} % zu schnell",
   "{percent}% too slow throughout": "durchgehend {percent} % zu langsam",

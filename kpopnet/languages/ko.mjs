@@ -287,6 +287,7 @@ export default {
   "turned to the right": "오른쪽으로 돌아감",
   "turned to the left": "왼쪽으로 돌아감",
   "the mirror image fits much better: did the learner mirror the teacher?": "좌우를 뒤집으면 훨씬 잘 맞아요: 거울처럼 췄나요?",
+  "place and height are not graded: as recorded, the hips never move ({dancers})": "위치와 높이는 채점하지 않았어요: 녹화에서 골반이 전혀 움직이지 않아요 ({dancers})",
   "compared as in a mirror: left and right are as the teacher has them": "거울처럼 비교했어요: 왼쪽과 오른쪽은 선생님 기준이에요",
   "{percent}% too fast throughout": "내내 {percent}% 너무 빠름",
   "{percent}% too slow throughout": "내내 {percent}% 너무 느림",

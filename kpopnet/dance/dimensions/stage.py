@@ -12,6 +12,7 @@ Where the two cameras stand is not known. So the learner's stage is laid onto th
 height and heading agree on average over the first START_S in which both are seen. A camera's tilt is not known either: the
 vertical of a dance is the median direction from feet to neck, if that lies within MAX_TILT of the camera's. A lean that lasts
 for most of a dance is therefore taken for the camera's, and a leg that is lifted for most of it tilts the vertical a little.
+Joints about the hips, as MediaPipe's world landmarks are, do not know where they are: place and height are then not graded.
 
 A figure is the skill score of `kpopnet.dance.parts`: the mean of exp(-(error / scale)^2) above that of somebody who stays as
 the teacher is on average. The similarity of the dance does not contain it. Head and feet are not graded: the head is one joint,
@@ -24,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.window import FPS
+from kpopnet.dance.window import FPS, WINDOW_FRAMES
 from kpopnet.languages import Said
 from kpopnet.skeleton import Joint
 
@@ -42,6 +43,13 @@ LEAST_KNOWN = 0.1
 
 LEAST_LEVEL = 0.5
 """Fraction of the width of hips and shoulders that has to be level: a body on its side has no heading."""
+
+CENTRED_M = 0.005
+"""Joints are about the hips if these stay within it (root mean square, of composed dances 0.025 or more in 2.5 s) and the unit
+direction of the trunk does not."""
+
+OF_THE_ROOM = ("place", "height")
+"""The dimensions that such joints do not have."""
 
 LEAST_S = 0.3
 """Shorter errors are not mentioned, seconds; a jump takes longer."""
@@ -104,6 +112,15 @@ class Stance(NamedTuple):
         """(T,) whether place and heading are known."""
         return np.isfinite(self.hips_m[:, 0]) & np.isfinite(self.heading)
 
+    @property
+    def is_centred(self) -> bool:
+        """Whether the hips never move but the trunk does: nobody dances so, the joints are about the hips."""
+        known = np.isfinite(self.hips_m[:, 0])
+        if known.sum() < WINDOW_FRAMES:
+            return False
+        hips_m, trunk = (float(np.linalg.norm(one[known].std(axis=0))) for one in (self.hips_m, self.trunk))
+        return hips_m < CENTRED_M <= trunk
+
     def on_stage(self, begin: np.ndarray) -> dict[str, np.ndarray]:
         """(T, C) by dimension, where the stage's middle and front are the mean place and heading at the frames `begin`.
 
@@ -124,6 +141,7 @@ class StageScore(NamedTuple):
     # Empty where nothing is known.
     errors: dict[str, np.ndarray]
     length_m: float  # of the learner's body, from neck to feet
+    centred: tuple[str, ...] = ()  # of teacher and learner, whose joints are about the hips: OF_THE_ROOM is then not graded
 
     def remarks(self) -> Iterator[tuple[float, Said]]:
         """The greatest error of each dimension, if worth words: seconds after the first frame, "0.8 m too far left"."""
@@ -153,19 +171,22 @@ def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarra
     teacher, learner = stance(teacher_m), stance(learner_m)
     frames = np.arange(len(delay_s))
     matched = np.clip(np.rint(frames - delay_s * FPS).astype(int), 0, len(frames) - 1)
+    centred = tuple(name for name, one in (("teacher", teacher), ("learner", learner)) if one.is_centred)
     begin = np.flatnonzero(teacher.known[matched] & learner.known)[: round(START_S * FPS)]
     if not len(begin):
-        return StageScore({}, {}, learner.length_m)
+        return StageScore({}, {}, learner.length_m, centred)
     taught, danced = teacher.on_stage(matched[begin]), learner.on_stage(begin)
     figures, errors = {}, {}
     for name, dimension in DIMENSIONS.items():
+        if centred and name in OF_THE_ROOM:
+            continue
         goal = taught[name][matched]
         errors[name] = dimension.error(danced[name], goal)
         compared = dimension.similarity(errors[name])
         staying = dimension.similarity(dimension.error(np.broadcast_to(dimension.mean(goal), goal.shape), goal))
         if len(compared) > LEAST_KNOWN * len(staying):
             figures[name] = figure(compared, staying)
-    return StageScore(figures, errors, learner.length_m)
+    return StageScore(figures, errors, learner.length_m, centred)
 
 
 def runs(flags: np.ndarray) -> list[slice]:

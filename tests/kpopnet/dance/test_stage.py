@@ -9,6 +9,7 @@ from dance_people import FPS, dance_joints_m, noisy, performed, turned
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.dimensions.stage import DIMENSIONS
+from kpopnet.dance.feedback import feedback
 from kpopnet.dance.scoring import score_dance
 from kpopnet.skeleton import Joint
 
@@ -99,6 +100,29 @@ def test_what_is_not_seen_has_no_figure():
     headless_m = without([Joint.NECK, Joint.HEAD])
     assert "lean" not in stage(headless_m, teacher_m=headless_m).figures
     assert min(stage(made.hidden(TEACHER_M, 8.0, 16.0)).figures.values()) > 99
+
+
+@pytest.mark.parametrize("whose", [("teacher",), ("learner",), ("teacher", "learner")])
+def test_joints_about_the_hips_have_no_place_and_no_height_and_that_is_said(whose):
+    """One who travels 0.8 m and jumps 0.4 m is not told so, where either recording does not know where the body is."""
+    learner_m = elsewhere(0.8) + jumping(0.4) - TEACHER_M
+    noise_m = np.random.default_rng(0).normal(scale=0.001, size=(len(TEACHER_M), 1, 3))
+
+    def about_hips(name, joints_m):
+        return joints_m - joints_m[:, HIPS].mean(axis=1, keepdims=True) + noise_m if name in whose else joints_m
+
+    dances = about_hips("teacher", TEACHER_M), about_hips("learner", learner_m)
+    score, known = (score_dance(*map(performed, pair)) for pair in (dances, (TEACHER_M, learner_m)))
+    assert {"place", "height"} <= known.stage.figures.keys() and score.stage.figures.keys() == {"lean", "facing"}
+    assert score.stage.figures == pytest.approx({name: known.stage.figures[name] for name in ("lean", "facing")}, abs=1)
+    assert known.stage_remarks() and not score.stage_remarks()
+    hint = f"place and height are not graded: as recorded, the hips never move ({', '.join(whose)})"
+    assert feedback(score).hints == (hint,) and not feedback(known).hints
+
+
+def test_who_stands_still_has_a_place():
+    held_m = np.broadcast_to(TEACHER_M[:1], TEACHER_M.shape)
+    assert {"place", "height"} <= stage(held_m).figures.keys()
 
 
 def test_what_is_most_wrong_is_said_in_words():

@@ -135,6 +135,15 @@ def test_an_smpl_motion_is_danced_by_the_mean_adult(tmp_path, width, others):
     np.testing.assert_allclose(read.times_s, np.arange(len(DANCE)) / 30)
 
 
+def test_an_smpl_motion_without_a_path_is_danced_about_the_hips(tmp_path):
+    read, still = (
+        read_performance(write_amass(tmp_path / "a.npz", DANCE, 72, **one)).joints_m for one in ({}, {"trans": None})
+    )
+    hips_m, fixed_m = (one[:, [Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=1, keepdims=True) for one in (read, still))
+    np.testing.assert_allclose(still - fixed_m, read - hips_m, atol=1e-5)
+    assert np.ptp(fixed_m, axis=0).max() < 1e-5 < 0.05 < np.ptp(hips_m, axis=0).max()
+
+
 JOINT_AT = {"ELBOW": ("ForeArm",), "SHOULDER": ("Arm",), "HIP": ("UpLeg",), "KNEE": ("Leg",), "FOOT": ("Foot", "ToeBase")}
 
 
