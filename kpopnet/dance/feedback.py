@@ -89,12 +89,13 @@ class Feedback:
 def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence[RecordingFault] = ()) -> Feedback:
     """The feedback on a dance, or on what has been danced so far (`OnlineScorer.score_so_far`).
 
-    With `beat_s`, a beat of the music in seconds, phrases have eight beats, and delays are given in beats. Hints whose cause
-    is among the faults that `kpopnet.dance.diagnosis.diagnose` found are left out.
+    With `beat_s`, a beat of the music in seconds, phrases have eight beats from time 0 on, where `DanceScore.beats_s` has one,
+    and delays are given in beats. Hints whose cause is among the faults that `kpopnet.dance.diagnosis.diagnose` found are left
+    out.
     """
     unseen, danced_s, middle = list(_unseen(score)), span(score, slice(None)), score.windows.middle_s
     phrase_s = 8 * beat_s if beat_s else PHRASE_S
-    phrases_s = _phrases_s(score, phrase_s)
+    phrases_s = _phrases_s(score, phrase_s, on_beat=bool(beat_s))
     moments, phrases = _moments(score, phrases_s, beat_s), []
     for start_s, end_s in phrases_s:
         known = (middle >= start_s) & (middle < end_s) & np.isfinite(score.windows.similarity)
@@ -129,11 +130,13 @@ def moments_since(score: DanceScore, since_s: float) -> list[Moment]:
     return [one for one in _moments(score, phrases_s, None) if one.end_s > since_s]
 
 
-def _phrases_s(score: DanceScore, phrase_s: float) -> list[tuple[float, float]]:
-    """Begin and end of the phrases of a length."""
-    first = float(score.windows.start_s[0])
-    count = math.floor((score.windows.middle_s[-1] - first) / phrase_s) + 1
-    return [(first + number * phrase_s, first + (number + 1) * phrase_s) for number in range(count)]
+def _phrases_s(score: DanceScore, phrase_s: float, on_beat: bool = False) -> list[tuple[float, float]]:
+    """Begin and end of the phrases of a length that have windows, counted from time 0 if they are on the beat, else from the
+    teacher's first frame.
+    """
+    origin_s = 0.0 if on_beat else float(score.windows.start_s[0])
+    first, last = (math.floor((score.windows.middle_s[at] - origin_s) / phrase_s) for at in (0, -1))
+    return [(origin_s + number * phrase_s, origin_s + (number + 1) * phrase_s) for number in range(first, last + 1)]
 
 
 def _moments(score: DanceScore, phrases_s: list[tuple[float, float]], beat_s: float | None) -> list[Moment]:

@@ -59,7 +59,7 @@ def result_page(
     from_s, to_s = float(dances[0].times_s[0]), float(dances[0].times_s[-1])
     teacher, learner = (_replayed(one, from_s, body) for one in dances)
     found = {"name": title, "from_s": from_s, "to_s": to_s, **result, "hints": notes + result["hints"]}
-    dance = {"seconds": to_s - from_s, "phrase_s": phrase_s, "first_s": from_s, **teacher}
+    dance = {"seconds": to_s - from_s, "phrase_s": phrase_s, "first_s": result["phrases"][0]["start_s"], **teacher}
     given = json.dumps({"found": keyed(found), "dance": dance, "movement": learner, "body": packed_body(body)}, allow_nan=False)
     root = files("kpopnet")
     sources = {name: _IMPORT.sub(r'from "\1"', (root / path).read_text(encoding="utf-8")) for name, path in MODULES.items()}

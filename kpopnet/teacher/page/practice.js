@@ -36,7 +36,7 @@ export const practiseAddress = (dance, phrase, more = "") => `#/dance/${dance}?p
 // Whether a dance has a phrase of this number, from 0, that is long enough to be danced alone; the last one may be cut short, and
 // in dances of more than 192 beats a minute all are too short.
 export const practisable = (phrase, { phrase_s, seconds }) => Math.min(phrase_s, seconds - phrase * phrase_s) >= LEAST_S;
-// The number of the phrase that begins at a time; `first_s` is where a recording's clock begins.
+// The number of the phrase that begins at a time; `first_s` is where the first phrase of a recording begins.
 export const phraseAt = (start_s, { phrase_s, first_s = 0 }) => Math.max(Math.round((start_s - first_s) / phrase_s), 0);
 
 // Of the phrases that can be practised the one that went worst, or null: its number from 0, and its score.

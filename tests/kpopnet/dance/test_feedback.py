@@ -192,6 +192,19 @@ def test_the_set_ups_faults_are_hinted_at():
     assert hints(hidden(TEACHER_M, 0, 16, [Joint.LEFT_FOOT])) == ("left leg out of the picture from 0:01 to 0:15",)
 
 
+@pytest.mark.parametrize("begin_s", [-7.3, 0.4, 2.9, 4.5, 31.0])
+def test_phrases_are_counted_from_the_beat_whenever_the_recording_begins(begin_s):
+    beat_s, seconds = 0.55, 16.0
+    dance = Performance(TEACHER_M, begin_s + np.arange(len(TEACHER_M)) / FPS)
+    score = score_dance(dance, dance)
+    starts_s = [one.start_s for one in feedback(score, beat_s).phrases]
+    on_beats = np.array(starts_s) / (8 * beat_s)
+    np.testing.assert_allclose(on_beats, np.round(on_beats), atol=1e-9)
+    np.testing.assert_allclose(np.diff(starts_s), 8 * beat_s)
+    assert starts_s[0] <= begin_s + 1 < starts_s[0] + 8 * beat_s and starts_s[-1] < begin_s + seconds
+    assert feedback(score).phrases[0].start_s == begin_s  # without a beat from the first frame
+
+
 @pytest.mark.parametrize("seconds", [8.9, 9.2, 9.6])
 def test_every_phrase_has_a_window(seconds):
     copy = performed(dance_joints_m(2, seconds))

@@ -138,6 +138,17 @@ def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_
     assert "--noise tracker: scorer paper knows no noise; dance22 does" in refused
 
 
+def test_phrases_of_a_recording_that_begins_within_one_are_those_of_the_music(files, run, tmp_path):
+    _, _, joints_m, learner_m = files
+    for name, one in (("late_teacher", joints_m), ("late_learner", learner_m)):
+        np.savez(tmp_path / f"{name}.npz", joints_m=one, times_s=3.5 + np.arange(len(one)) / 30)
+    printed = run(tmp_path / "late_teacher.npz", tmp_path / "late_learner.npz", "--out", tmp_path / "out", "--bpm", 80)
+    assert "0:00 to 0:06," in printed and "0:06 to 0:12," in printed
+    page = (tmp_path / "out" / "score.html").read_text()
+    given = json.loads(re.search(r'id="given">(.*?)</script>', page)[1])
+    assert given["dance"]["first_s"] == given["found"]["phrases"][0]["start_s"] == 0
+
+
 def test_frame_rates_of_files_without_them(files, run, tmp_path):
     teacher, _, joints_m, _ = files
     np.savez(tmp_path / "bare.npz", joints_m=joints_m[::2])
