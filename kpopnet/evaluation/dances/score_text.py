@@ -84,12 +84,13 @@ def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
 
 def _phrase_text(phrase: Phrase) -> str:
     """A phrase with what was not seen and its worst moments, the worst first."""
+    nothing = Said("not compared") if phrase.similarity is None else Said("no fault stands out")
     return Said(
         "{start} to {end}, {figure}: {what}",
         start=clock(phrase.start_s),
         end=clock(phrase.end_s),
-        figure=Said("not compared") if phrase.similarity is None else f"{phrase.similarity:.0f}",
-        what=_listed([*phrase.unseen, *(moment.text for moment in phrase.moments)] or [Said("no fault stands out")]),
+        figure="–" if phrase.similarity is None else f"{phrase.similarity:.0f}",
+        what=_listed([*phrase.unseen, *(moment.text for moment in phrase.moments)] or [nothing]),
     )
 
 

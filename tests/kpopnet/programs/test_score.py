@@ -191,6 +191,7 @@ def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path)
     words = (*files[:2], "--out", tmp_path / "out")
     assert "free parts" not in run(*words)
     told = run(*words, "--free", 4, 9, "--weights", "posture=1", "place=1")
+    assert "0:04 to 0:08, –: not compared" in told and told.count("no fault stands out") == told.count(", 100: ")
     content = json.loads((tmp_path / "out" / "score.json").read_text())
     score = content["score"]
     assert score["similarity"] > 97 and score["free"]["energy"] < 99 and "free parts: energy" in told
