@@ -162,7 +162,7 @@ def _squared(a, b):
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
-SURE = (1.42, 1.14, 2.42)
+SURE = (1.64, 1.25, 2.54)
 """Constant and weights of `certainty_features`, fitted by tools/fit_finder.py on validation images."""
 
 
