@@ -15,11 +15,11 @@ from kpopnet.data.canvas import STRIDE
 MOST_PEOPLE = 20
 NO_PERSON = 0
 
-AGREE_M, TAKEN_M, REACH_M = 0.22, 0.28, 0.8
+AGREE_M, TAKEN_M, REACH_M = 0.18, 0.24, 0.8
 """Votes this near to each other agree; a person takes those this near to their centre; a cell belongs to the nearest
 person whose centre is this near to its vote."""
 
-PART_M, PART_SHARE = 0.7, 0.4
+PART_M, PART_SHARE = 0.7, 0.3
 """Of two centres this near to each other, one with less than this share of the other's surface is a part of the same person."""
 
 SEEDS = 160
@@ -48,6 +48,7 @@ class People(NamedTuple):
     centres_m: np.ndarray  # (P, 3) float32 torso joints as voted, camera frame, metres
     score: np.ndarray  # (P,) float32 mean probability of their cells
     area_m2: np.ndarray  # (P,) float32 visible surface, seen from the camera
+    cells: np.ndarray  # (P,) number of their cells
     owner: np.ndarray  # (h, w) uint8 person of each cell, 1..P, or NO_PERSON
 
 
@@ -71,7 +72,7 @@ def gather_people(cells: Cells, least_probability: float, least_m2: float, least
     number[kept] = np.arange(1, len(kept) + 1)
     owner[seen] = number[person]
     score = np.bincount(person, probability, count)[kept] / size[kept]
-    return People(centres_m[kept - 1], score.astype(np.float32), surface_m2[kept].astype(np.float32), owner)
+    return People(centres_m[kept - 1], score.astype(np.float32), surface_m2[kept].astype(np.float32), size[kept], owner)
 
 
 @njit(cache=True)
@@ -162,14 +163,14 @@ def _squared(a, b):
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
 
 
-SURE = (1.64, 1.25, 2.54)
+SURE = (-0.18, 0.77, 2.74, 0.76)
 """Constant and weights of `certainty_features`, fitted by tools/fit_finder.py on validation images."""
 
 
 def certainty_features(people: People) -> np.ndarray:
-    """(P, 2) the logarithms of the odds of the mean probability, and of the visible surface in square metres."""
+    """(P, 3) the logarithms of the odds of the mean probability, of the visible surface in square metres, and of its cells."""
     score = np.clip(people.score, 1e-3, 1 - 1e-3)
-    return np.stack([np.log(score / (1 - score)), np.log(people.area_m2)], axis=1)
+    return np.stack([np.log(score / (1 - score)), np.log(people.area_m2), np.log(people.cells)], axis=1)
 
 
 def certainty(people: People) -> np.ndarray:

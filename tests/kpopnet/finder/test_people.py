@@ -23,13 +23,13 @@ def cells(*parts):
 def test_votes_that_agree_are_one_person_however_the_body_is_divided():
     upper, lower = (np.s_[10:20], np.s_[10:20], (0, 0, 2)), (np.s_[40:50], np.s_[12:18], (0, 0, 2))
     beside = np.s_[10:40], np.s_[22:30], (0.7, 0, 2)
-    centres_m, score, area_m2, owner = gather_people(cells(upper, lower, beside), *LIMITS)
+    centres_m, score, area_m2, size, owner = gather_people(cells(upper, lower, beside), *LIMITS)
     assert len(centres_m) == 2
     first = owner[15, 15]
     assert (owner[10:20, 10:20] == first).all() and (owner[40:50, 12:18] == first).all()
     assert (owner[10:40, 22:30] == 3 - first).all() and (owner > 0).sum() == 100 + 60 + 240
     assert np.allclose(centres_m[first - 1], (0, 0, 2), atol=0.02) and np.allclose(score, 0.95)
-    assert np.allclose(sorted(area_m2), [0.16, 0.24])
+    assert np.allclose(sorted(area_m2), [0.16, 0.24]) and sorted(size) == [160, 240]
 
 
 def test_people_one_behind_the_other_are_two():
