@@ -115,7 +115,10 @@ def main() -> None:
     if wanted:
         beats_s = score.beats_s(beat_s) if beat_s else None
         if not (wanted := score.counted(wanted, beats_s)):
-            raise InputError("--weights: nothing of it is known of this dance (rhythm needs --bpm, and a dance on the beat)")
+            raise InputError(
+                "--weights: nothing of it is known of this dance (rhythm needs --bpm and a dance on the beat, place and height "
+                "joints that know where the hips are)"
+            )
         total = {"total": score.total(wanted, beats_s), "weights": wanted}
         shares = [f"{name} {share:g}" for name, share in wanted.items()]
         told = [Said("total {total} of 100: {weights}", total=f"{total['total']:.0f}", weights=shares)]

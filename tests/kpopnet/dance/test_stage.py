@@ -120,9 +120,21 @@ def test_joints_about_the_hips_have_no_place_and_no_height_and_that_is_said(whos
     assert feedback(score).hints == (hint,) and not feedback(known).hints
 
 
-def test_who_stands_still_has_a_place():
+@pytest.mark.parametrize("error_m", [0.0, 0.005, 0.01])
+def test_who_stands_still_has_a_place(error_m):
     held_m = np.broadcast_to(TEACHER_M[:1], TEACHER_M.shape)
-    assert {"place", "height"} <= stage(held_m).figures.keys()
+    assert {"place", "height"} <= stage(noisy(held_m, error_m)).figures.keys()
+
+
+def test_nor_is_a_short_phrase_of_a_dance_about_the_hips():
+    phrase_m = dance_joints_m(8, 20.0)[322:394]  # here the hips hardly move for more than two seconds
+    assert {"place", "height"} <= score_dance(performed(phrase_m), performed(phrase_m)).stage.figures.keys()
+
+
+def test_joints_about_the_hips_are_known_by_the_frames_that_show_the_neck():
+    about_m = TEACHER_M - TEACHER_M[:, HIPS].mean(axis=1, keepdims=True)
+    about_m[100:130, Joint.NECK] = np.nan
+    assert score_dance(performed(TEACHER_M), performed(about_m)).stage.centred == ("learner",)
 
 
 def test_what_is_most_wrong_is_said_in_words():
