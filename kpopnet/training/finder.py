@@ -79,15 +79,14 @@ class FinderTraining:
 class SceneViews(NamedTuple):
     """How images of scenes are seen anew: mirrored, then by a camera that is rolled about its optical axis and zooms."""
 
-    to_image: (
-        np.ndarray
-    )  # (B, 2, 2) float32 matrix from pixels of the view to pixels of the image, about their principal points
+    # (B, 2, 2) float32 matrix from pixels of the view to pixels of the image, about their principal points
+    to_image: np.ndarray
     to_view: np.ndarray  # (B, 2, 2) float32 matrix from X and Y in the image's camera frame to those in the view's
     principal_px: np.ndarray  # (B, 2) float32 the views' principal points
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, cameras: np.ndarray, share: float) -> "SceneViews":
-        """Views of images with (B, 6) fx, fy, cx, cy, width, height: half of them mirrored, a share of them rolled and zoomed.
+        """Views of images of square pixels, (B, 6) fx, fy, cx, cy, width, height: half mirrored, a share rolled and zoomed.
 
         The middle of a view lies anywhere in the image, as long as the view does not reach beyond it or the image beyond the
         view; what a roll brings in from beyond the image is not measured.
@@ -198,7 +197,10 @@ class FinderRun(Descent):
         begun = read_json(self.folder / META)
         for name, value in described.items():
             if begun.get(name) != value:
-                raise InputError(f"{self.folder}: was begun with {name}={begun.get(name)}, not {value}; give it the same again")
+                raise InputError(
+                    f"{self.folder}: was begun with {name}={begun.get(name)}, not {value}; give it the same again, or begin "
+                    "anew in another folder (out=...)"
+                )
 
     def save(self, described: dict) -> None:
         """Writes weights, description and state, each whole or not at all; the state last: before it a killed run goes back."""

@@ -101,12 +101,21 @@ def test_each_observation_of_a_batch_is_seen_in_as_many_views_as_asked_for():
     np.testing.assert_allclose(joints_m, np.repeat(joints_m[::3], 3, axis=0), atol=1e-5)
 
 
+class OfManySizes(CapsulePeople):
+    """Each image cut on the left and above by another number of pixels."""
+
+    def observe(self, index, epoch):
+        seen, cut = super().observe(index, epoch), index % 7
+        camera = seen.camera.cropped(cut, 2 * cut, seen.camera.width - cut, seen.camera.height - 2 * cut)
+        return replace(seen, depth_m=seen.depth_m[2 * cut :, cut:], camera=camera)
+
+
 @pytest.mark.parametrize(
     "augment", [AugmentConfig(views=3), AugmentConfig(any_rotation=1, scale=0.9, jitter_m=0.5, occluder=1)]
 )
 def test_crops_taken_from_patches_are_those_of_the_twin(augment):
-    """Far outside the image too, where the twin reads nothing."""
-    whole = batches(augment=augment)
+    """Far outside the images too, which are of many sizes, where the twin reads nothing."""
+    whole = replace(batches(augment=augment), source=OfManySizes(40))
     one, other = (torch.utils.data.default_convert(data[5]) for data in (whole, replace(whole, patches=True)))
     np.testing.assert_array_equal(other.crop.crops(torch.device("cpu")), one.crop)
     for name in ("target", "cube_m", "offset_m", "skipped"):

@@ -41,13 +41,15 @@ def restored_torch():
 
 def gradient(device: str) -> tuple[torch.Tensor, list[torch.dtype]]:
     """The gradient of one batch in training, moved to the CPU, and the data types of the encoder's maps."""
-    batches = CropBatches(CapsulePeople(20, seed=1), MODEL, ShuffledOrder(20, 16, 0), 0, AugmentConfig())
+    order, patches = ShuffledOrder(20, 16, 0), device == "cuda"
+    batches = CropBatches(CapsulePeople(20, seed=1), MODEL, order, 0, AugmentConfig(), patches=patches)
     batch = torch.utils.data.default_convert(batches[0])
     run = Run(SHORT, MODEL, 0, Processes(torch.device(device)))
     types = []
     run.network.encoder.register_forward_hook(lambda module, inputs, maps: types.extend(x.dtype for x in maps))
     run.network.train()
-    losses = run.network.head.loss(run.data_parallel(batch.crop.to(device)), batch.target.to(device))
+    crop = batch.crop.crops(torch.device(device)) if patches else batch.crop
+    losses = run.network.head.loss(run.data_parallel(crop), batch.target.to(device))
     sum(losses.values()).backward()
     return torch.cat([weight.grad.flatten() for weight in run.network.parameters()]).cpu(), types
 

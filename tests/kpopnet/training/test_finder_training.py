@@ -74,6 +74,7 @@ def test_a_view_shows_the_same_scene_to_another_camera(data):
     views = SceneViews.drawn(np.random.default_rng(3), images.cameras[rows], share=0.75)
     scaled = np.linalg.norm(views.to_image[:, :, 0], axis=1)
     assert (np.linalg.det(views.to_view) < 0).any() and (np.abs(scaled - 1) > 0.1).any() and (scaled == 1).any()
+    assert np.abs(views.to_view[:, 0, 1]).max() > 0.1
     plain, seen = (images.batch(rows, given) for given in (None, views))
     plain_input, view_input = (given[0].numpy() for given in (plain, seen))
     vote_m, shows_person = seen[1].vote_m.numpy(), seen[1].person.numpy() > 0
@@ -94,6 +95,20 @@ def test_a_view_shows_the_same_scene_to_another_camera(data):
         turned[:2, :2] = views.to_view[row]
         expected_m = turned @ RoomImages(data["train"])[row].joints_m[0, Joint.TORSO]
         np.testing.assert_allclose(torsos_m, np.broadcast_to(expected_m, torsos_m.shape), atol=1e-4)
+
+
+def test_as_many_images_as_asked_for_are_seen_anew_each_around_a_place_of_its_own():
+    cameras = np.tile(np.float32([120, 120, 79.5, 59.5, 160, 120]), (2000, 1))
+    for share in (0.0, 0.3, 1.0):
+        views = SceneViews.drawn(np.random.default_rng(0), cameras, share)
+        scaled = np.linalg.norm(views.to_image[:, :, 0], axis=1)
+        for changed in (scaled != 1, views.to_view[:, 0, 1] != 0, views.principal_px[:, 0] != np.float32(79.5)):
+            assert abs(changed.mean() - share) < 0.04
+        assert abs((np.linalg.det(views.to_view) < 0).mean() - 0.5) < 0.04
+        # The middle of the view within the image, or that of the image within the view.
+        middle_px = np.einsum("nij,nj->ni", views.to_image, np.float32([79.5, 59.5]) - views.principal_px) + cameras[:, 2:4]
+        off_px = np.abs(middle_px - [79.5, 59.5]) - np.abs(1 - scaled)[:, None] * [79.5, 59.5]
+        assert off_px.max() < 1e-3 and (share == 0 or np.ptp(middle_px[:, 0]) > 40)
 
 
 def test_it_learns_which_cells_show_a_person_and_where_the_torso_is(data, tmp_path):
