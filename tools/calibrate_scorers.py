@@ -38,7 +38,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, Comparison, Scorer, TimeGrid, Windows
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.ranking import is_ordered, wilson_interval
-from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap
+from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap, interval_of
 from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.runtime.provenance import git_revision
@@ -279,9 +279,7 @@ def agreement(found: dict[str, np.ndarray], unit: list[str]) -> dict[str, Any]:
     right = {name: np.array([is_ordered(one) for one in scores]) for name, scores in found.items()}
 
     def interval(values: np.ndarray) -> list[float] | None:
-        if len(number) < FEWEST_UNITS or np.ptp(values) == 0:
-            return None
-        return bootstrap.interval(100 * bootstrap.ratios(values[:, None], np.ones((len(values), 1))))
+        return interval_of(100 * bootstrap.ratios(values[:, None], np.ones((len(values), 1))), len(number))
 
     scorers, pairs = {}, {}
     for name, flags in right.items():

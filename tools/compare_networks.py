@@ -23,7 +23,7 @@ from scipy.special import stdtrit
 from kpopnet.datasets.protocol import Benchmark
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
-from kpopnet.evaluation.intervals import FEWEST_UNITS, LEVEL, Bootstrap
+from kpopnet.evaluation.intervals import FEWEST_UNITS, LEVEL, Bootstrap, interval_of
 from kpopnet.evaluation.poses.definition import in_label_definition
 from kpopnet.evaluation.poses.metrics import PoseResults
 from kpopnet.evaluation.poses.run import run_benchmark
@@ -131,7 +131,7 @@ def crossed_interval(values: np.ndarray, trainings: Bootstrap, units: Bootstrap)
     if min(trainings.units, units.units) < FEWEST_UNITS:
         return None
     times = trainings.sums(np.eye(trainings.units))
-    return min(trainings, units, key=lambda one: one.units).interval((times * values).sum(axis=1) / trainings.units)
+    return interval_of((times * values).sum(axis=1) / trainings.units, min(trainings.units, units.units))
 
 
 def in_the_labels_definition(results: dict[str, PoseResults]) -> dict[str, PoseResults]:

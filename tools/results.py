@@ -127,8 +127,8 @@ def pooled(parts: list[dict], what: str = "map_10cm") -> Value:
     if not below.sum():
         return Value(None)
     bootstrap = Bootstrap(np.arange(len(people)), 0)
-    interval = bootstrap.interval(bootstrap.ratios(above, below)) if len(people) >= FEWEST_UNITS else None
-    return Value(float(above.sum() / below.sum()), "cm" if what == "mean_error_cm" else "%", interval)
+    unit = "cm" if what == "mean_error_cm" else "%"
+    return Value(float(above.sum() / below.sum()), unit, bootstrap.interval(above, below))
 
 
 def _single(parts: list[dict]) -> str:

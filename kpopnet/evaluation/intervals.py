@@ -54,10 +54,19 @@ class Bootstrap:
             return np.empty((0, values.shape[1]))
         return self._draws @ np.stack([np.bincount(self._row, column, self.units) for column in values.T], axis=1)
 
-    def interval(self, values: np.ndarray) -> list[float] | None:
-        """The LEVEL interval [low, high] of a figure from its values in all resamples; None without any value.
+    def interval(self, numerator: np.ndarray, denominator: np.ndarray) -> list[float] | None:
+        """`interval_of` the ratio of the sums of two (N, K) arrays, over the units that add to the lower sum."""
+        adds = np.bincount(self._row, denominator.sum(axis=1), self.units) > 0
+        return interval_of(self.ratios(numerator, denominator), np.count_nonzero(adds))
 
-        It covers the variation over other units of the same kind, not over units of another kind.
-        """
-        defined = values[~np.isnan(values)]
-        return np.percentile(defined, percentiles(self.units)).tolist() if defined.size else None
+
+def interval_of(draws: np.ndarray, units: int) -> list[float] | None:
+    """The LEVEL interval [low, high] of a figure from its values in all resamples, and the number of units that it rests on.
+
+    It covers the variation over other units of the same kind, not over units of another kind. None below FEWEST_UNITS units,
+    and where all resamples have the same value but for rounding, as at 0 and 100 %: they say nothing about how it varies.
+    """
+    defined = draws[np.isfinite(draws)]
+    if units < FEWEST_UNITS or not defined.size or np.ptp(defined) <= 1e-9 * np.abs(defined).max():
+        return None
+    return np.percentile(defined, percentiles(units)).tolist()

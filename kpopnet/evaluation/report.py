@@ -83,17 +83,14 @@ def future_remark(later: Sequence[str]) -> list[str]:
     return [f"{', '.join(later)}: uses images after the one it answers for; the other estimators do not."] if later else []
 
 
-def interval_remarks(units: str, number: int, note: str = "", fewest: int | None = None) -> list[str]:
-    """How many units ("sequences", "rooms") were resampled for the intervals, with a note, and when these are too few.
-
-    `fewest` is the number of units of the row that has the fewest, where rows differ.
-    """
+def interval_remarks(units: str, number: int, note: str = "") -> list[str]:
+    """How many units ("sequences", "rooms") were resampled for the intervals, with a note, and when there is none."""
     if number < FEWEST_UNITS:
         return [f"No intervals: they would resample {units}, and {number} are too few to know how much they vary."]
-    lines = [f"Ranges in parentheses: 95 % bootstrap intervals; {number} {units} were resampled{note}."]
-    if fewest is not None and fewest < FEWEST_UNITS:
-        lines.append(f"Rows of fewer than {FEWEST_UNITS} {units} have no interval.")
-    return lines
+    return [
+        f"Ranges in parentheses: 95 % bootstrap intervals; {number} {units} were resampled{note}.",
+        f"A figure to which fewer than {FEWEST_UNITS} {units} contribute has no interval, nor one that is equal in all.",
+    ]
 
 
 def write(report: Report, config: EvaluateConfig, folder: Path) -> None:

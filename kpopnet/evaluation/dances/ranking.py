@@ -60,7 +60,7 @@ def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:
     low, high = wilson_interval(int(ordered.sum()), len(ordered))
     interval = {
         "concordance": [100 * low, 100 * high],
-        "kendall_tau": bootstrap.interval(bootstrap.ratios(tau[:, None], np.ones((len(tau), 1)))),
+        "kendall_tau": bootstrap.interval(tau[:, None], np.ones((len(tau), 1))),
     }
     wrong = tuple(name for name, right in zip(scores, ordered, strict=True) if not right)
     return Agreement(float(100 * ordered.mean()), float(tau.mean()), interval, wrong)

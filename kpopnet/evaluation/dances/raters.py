@@ -15,7 +15,7 @@ from scipy.stats import rankdata
 
 from kpopnet.datasets.dances.ratings import CHOICES, Answer
 from kpopnet.evaluation.dances.ranking import wilson_interval
-from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap
+from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap, interval_of
 
 
 class Estimate(NamedTuple):
@@ -102,12 +102,9 @@ def ordinal_alpha(matrix: np.ndarray) -> np.ndarray:
     return np.where(defined, 1 - (often.sum(axis=-1) - 1) * observed / np.where(defined, expected, 1), np.nan)
 
 
-def estimate(value: float, draws: np.ndarray, bootstrap: Bootstrap) -> Estimate:
+def estimate(value: float, draws: np.ndarray, dances: int) -> Estimate:
     """A figure with the interval of its values in all resamples."""
-    known_draws = draws[np.isfinite(draws)]
-    varies = bootstrap.units >= FEWEST_UNITS and np.ptp(known_draws) > 0 if len(known_draws) else False
-    known = None if np.isnan(value) else float(value)
-    return Estimate(known, bootstrap.interval(draws) if varies else None, bootstrap.units)
+    return Estimate(None if np.isnan(value) else float(value), interval_of(draws, dances), dances)
 
 
 def ratio(above: list[float], below: list[float], seed: int) -> Estimate:
@@ -116,7 +113,7 @@ def ratio(above: list[float], below: list[float], seed: int) -> Estimate:
     upper, lower = (np.array(values, float)[kept, None] for values in (above, below))
     bootstrap = Bootstrap(np.arange(len(lower)), seed)
     value = upper.sum() / lower.sum() if len(lower) else np.nan
-    return estimate(value, bootstrap.ratios(upper, lower), bootstrap)
+    return estimate(value, bootstrap.ratios(upper, lower), bootstrap.units)
 
 
 def mean_w(votes: dict[str, Votes], seed: int) -> Estimate:
@@ -134,7 +131,7 @@ def alpha(votes: dict[str, Votes], seed: int) -> Estimate:
     table = np.array([coincidences(one, levels) for one in ranked])
     bootstrap = Bootstrap(np.arange(len(ranked)), seed)
     draws = bootstrap.sums(table.reshape(len(ranked), -1)).reshape(-1, *table.shape[1:])
-    return estimate(float(ordinal_alpha(table.sum(axis=0))), ordinal_alpha(draws), bootstrap)
+    return estimate(float(ordinal_alpha(table.sum(axis=0))), ordinal_alpha(draws), bootstrap.units)
 
 
 def consistency(answers: list[Answer]) -> Estimate:

@@ -187,7 +187,7 @@ def figures(parts: list[MatchedSequence], seed: int) -> dict:
         "switches": total(lambda part: part.switches().sum()),
         "empty_images": total(lambda part: part.empty.sum()),
         "empty_images_with_people": total(lambda part: (part.false[part.empty] > 0).sum()),
-        "interval": {name: bootstrap.interval(bootstrap.ratios(*pair)) for name, pair in columns.items()},
+        "interval": {name: bootstrap.interval(*pair) for name, pair in columns.items()},
         "fps": ratio(total(lambda part: len(part.seen)), max(sum(part.seconds for part in parts), 1e-9)),
     }
     return plain(pooled)

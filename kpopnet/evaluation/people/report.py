@@ -130,7 +130,7 @@ def evaluate_people(config: EvaluateConfig, folder: Path) -> Report:
         f"The depth shows whole scenes: extraction={extraction} finds the people.",
         *(f"Left out because of an error: {name}: {reason}" for name, reason in failed.items()),
         *future_remark([label for label, one in config.estimator.items() if isinstance(one, BestConfig)]),
-        *interval_remarks("sequences", count, ", in a row its own", min(one["sequences"] for one in found[main].values())),
+        *interval_remarks("sequences", count, ", in a row its own"),
     ]
     tables = [_table(found, PEOPLE), _table(found, JOINTS)]
     blocks = [Heading("People"), tables[0], Heading("Joints and identities"), tables[1], DEFINITIONS, WHEN_JUDGED[name]]

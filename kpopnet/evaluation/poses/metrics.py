@@ -234,7 +234,7 @@ def intervals(
         "mean_error_cm": (distance_cm, found),
         "average_pose_error_cm": (distance_cm * seen, seen),
     }
-    return {name: bootstrap.interval(bootstrap.ratios(*sums)) for name, sums in ratios.items()}
+    return {name: bootstrap.interval(*sums) for name, sums in ratios.items()}
 
 
 def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> dict:
@@ -253,10 +253,7 @@ def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> d
 
     def paired(change: np.ndarray, counted: np.ndarray) -> dict:
         change = np.where(counted, change, 0)
-        return {
-            "value": ratio(change.sum(), counted.sum()),
-            "interval": bootstrap.interval(bootstrap.ratios(change, counted)),
-        }
+        return {"value": ratio(change.sum(), counted.sum()), "interval": bootstrap.interval(change, counted)}
 
     within = 100.0 * (first < WITHIN_M) - 100.0 * (second < WITHIN_M)
     distance_cm = 100 * np.where(both, first, 0) - 100 * np.where(both, second, 0)

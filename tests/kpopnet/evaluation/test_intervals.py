@@ -6,7 +6,7 @@ from kpopnet.evaluation.intervals import DRAWS, Bootstrap, percentiles
 
 def interval(values: np.ndarray, unit: np.ndarray, seed: int) -> np.ndarray:
     bootstrap = Bootstrap(unit, seed)
-    return np.array(bootstrap.interval(bootstrap.ratios(values, np.ones_like(values))))
+    return np.array(bootstrap.interval(values, np.ones_like(values)))
 
 
 def test_the_interval_over_rooms_contains_the_truth_in_95_of_100_evaluations():
@@ -32,8 +32,23 @@ def test_a_resample_weighs_rooms_by_their_frames():
     assert (interval(values, unit, seed=7) == interval(values, unit, seed=7)).all()
 
 
+def test_few_units_that_count_or_equal_ones_give_no_interval():
+    rng = np.random.default_rng(3)
+    hits, shown = rng.integers(1, 10, (20, 1)).astype(float), np.full((20, 1), 10.0)
+    for counted in (20, 5, 4, 1):
+        below = shown * (np.arange(20) < counted)[:, None]
+        found = Bootstrap(np.arange(20), 0).interval(hits * (below > 0), below)
+        assert (found is None) == (counted < 5), counted
+    shown[5:] = hits[5:] = 0
+    draws = Bootstrap(np.arange(20), 0).ratios(hits, shown)
+    ends = np.percentile(draws[np.isfinite(draws)], percentiles(5))
+    assert Bootstrap(np.arange(20), 0).interval(hits, shown) == pytest.approx(ends), "with the quantiles of five units"
+    for always in (0.0, 1.0, 0.1):
+        assert Bootstrap(np.arange(20), 0).interval(always * shown + 0 * hits, shown) is None, always
+
+
 def test_one_unit_or_nothing_to_count_gives_no_interval():
     for unit, counted in ((np.zeros(4), 1.0), (np.arange(4), 0.0), (np.zeros(0), 1.0)):
         values = np.ones((len(unit), 3))
         bootstrap = Bootstrap(unit, 0)
-        assert bootstrap.interval(bootstrap.ratios(values, counted * values)) is None
+        assert bootstrap.interval(values, counted * values) is None
