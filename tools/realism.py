@@ -3,8 +3,8 @@
     python tools/realism.py --real UTD_MHAD --real ITOP --synthetic data/small --film data/eval_sim
 
 Writes realism.txt, realism.json and realism.png to outputs/realism. Run from the root of a checkout with `PYTHONPATH=.`.
-A line is a statistic: its median and quartiles over real and over generated frames after sensor and segmentation (of a share
-its 95 % interval), and the gap of the medians in real interquartile ranges.
+A line is a statistic: its median and quartiles over real and over generated frames after sensor and segmentation (of yes or no
+the share and its 95 % interval), and the gap of the medians in real interquartile ranges.
 """
 
 import argparse
@@ -143,10 +143,10 @@ def joint_depth_cm(frame: Frame, joints: tuple[Joint, ...]) -> float:
     return 100 * float(np.mean(depths_m)) if depths_m else np.nan
 
 
-# Measures of any frame with a person, and of upright people whom the border does not cut.
-OF_FRAMES: dict[str, Callable[[Frame], float]] = {
+# Measures of any frame with a person, and of upright people whom the border does not cut. Of a bool the share is told.
+OF_FRAMES: dict[str, Callable[[Frame], float | bool]] = {
     "distance of the person, m": lambda frame: frame.distance_m,
-    "share of silhouettes cut by the border": lambda frame: float(frame.is_cut),
+    "share of silhouettes cut by the border": lambda frame: frame.is_cut,
     "holes, share of the silhouette": hole_share,
     "roughness of surfaces, steps": roughness_steps,
     "ridge, share of the silhouette": ridge_share,
@@ -237,7 +237,7 @@ class Source:
     noise: list[tuple[float, float]] = field(default_factory=list)
 
     def values(self) -> dict[str, np.ndarray]:
-        """Values of every statistic by its name, without those that are not defined."""
+        """Values of every statistic by its name, bool or float64, without those that are not defined."""
         standing = self.joints_m[is_standing(self.joints_m)]
         feet_cm = 100 * np.linalg.norm(standing[:, Joint.RIGHT_FOOT] - standing[:, Joint.LEFT_FOOT], axis=-1)
         people = [frame for frame in self.frames if frame.depth_m.any()]
@@ -248,7 +248,8 @@ class Source:
         found |= {"standing: distance of the feet, cm": feet_cm, "standing: share of feet closer than 20 cm": feet_cm < 20}
         found["still pixels: variance of frame differences, steps^2"] = np.array([variance for variance, _ in self.noise])
         found["still pixels: correlation of frame differences at 1 px"] = np.array([one for _, one in self.noise])
-        return {name: values[np.isfinite(values)].astype(float) for name, values in found.items()}
+        kept = {name: values[np.isfinite(values)] for name, values in found.items()}
+        return {name: values if values.dtype == bool else values.astype(float) for name, values in kept.items()}
 
 
 def read_real(path: Path, count: int, seed: int) -> Source:
@@ -304,12 +305,12 @@ def read_film_noise(folder: Path) -> list[tuple[float, float]]:
     return [noise for noise in found if noise is not None]
 
 
-def summary(values: np.ndarray, is_share: bool) -> list[float]:
-    """Median, quartiles and number of values, or a share with its 95 % interval; empty without values."""
+def summary(values: np.ndarray) -> list[float]:
+    """Median, quartiles and number of values, of bool values the share with its 95 % interval; empty without values."""
     count = len(values)
     if not count:
         return []
-    if not is_share:
+    if values.dtype != bool:
         return [*np.percentile(values, (50, 25, 75)).tolist(), count]
     return [float(np.mean(values)), *wilson_interval(int(np.sum(values)), count), count]
 
@@ -318,8 +319,8 @@ def compare(real: dict[str, dict[str, np.ndarray]], synthetic: dict[str, np.ndar
     """A line for each statistic and each real set that knows it: values by statistic, those of real sets by set too."""
     lines = []
     for name, values in synthetic.items():
-        ours = summary(values, "share of" in name)
-        known = {origin: summary(theirs[name], "share of" in name) for origin, theirs in real.items() if len(theirs[name])}
+        ours = summary(values)
+        known = {origin: summary(theirs[name]) for origin, theirs in real.items() if len(theirs[name])}
         for origin, theirs in (known or {"": []}).items():
             gap = (ours[0] - theirs[0]) / max(theirs[2] - theirs[1], 1e-9) if ours and theirs else None
             if ours or theirs:
