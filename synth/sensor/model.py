@@ -151,7 +151,8 @@ _FRACTIONS = ("grain_flicker", "disparity_flicker", "flying_pixels", "pixel_drop
 
 _NEEDED_BY = {
     "native_focal_px": (
-        *("lateral_px", "grain_px", "grain_disparity_px", "disparity_step_px", "disparity_noise_px", "ellipses_per_megapixel"),
+        *("lateral_px", "lateral_grazing_px", "grain_px", "grain_disparity_px", "disparity_step_px", "disparity_noise_px"),
+        "ellipses_per_megapixel",
     ),
     "baseline_m": ("disparity_step_px", "disparity_noise_px", "grain_disparity_px"),
     "wiggle_period_m": ("wiggle_m",),

@@ -175,6 +175,7 @@ def test_depth_out_of_range_and_empty_pixels_are_not_measured():
     [
         ({"name": "kinect"}, "sensor.name=kinect: expected one of ideal, kinect_v1"),
         ({"name": "ideal", "lateral_px": 1.0}, "sensor.lateral_px needs a sensor.native_focal_px"),
+        ({"name": "ideal", "lateral_grazing_px": 1.0}, "sensor.lateral_grazing_px needs a sensor.native_focal_px"),
     ],
 )
 def test_invalid_terms_are_rejected_with_the_override(terms, message):
