@@ -38,8 +38,7 @@ class MotionConfig:
     Attributes:
         source: clips, choreography, poses or mix.
         path: for clips: a motion pack, a BVH file or a folder of BVH files.
-        fps: frames per second: the true rate of BVH files that state a wrong one, or the rate of composed dances; None
-            takes the files' rate, and 30 for dances.
+        fps: for clips: the true rate of BVH files that state a wrong one, frames per second; None takes the files' rate.
         dances: for choreography: number of dances.
         seconds: for choreography: length of each dance, seconds.
         seed: for choreography: seed of the collection.
@@ -60,6 +59,8 @@ class MotionConfig:
             raise InputError("motion.source=clips needs motion.path=PACK_OR_BVH_FILES; motion=choreography needs no data")
         if self.fps is not None:
             check_between("motion.fps", self.fps, 1, 1000)
+            if self.path is None:
+                raise InputError(f"motion.fps={self.fps}: the rate of BVH files; give them as motion.path, or leave it out")
         check_seed("motion.seed", self.seed)
         check_between("motion.dances", self.dances, 1, 1e6)
         check_between("motion.seconds", self.seconds, 1, 3600)
@@ -116,7 +117,7 @@ def build_motion(config: MotionConfig, split: str) -> MotionSource:
         return open_clips(config.path, split, config.fps)
     if config.source == "choreography":
         own_seed = len(SPLITS) * config.seed + SPLITS.index(split)
-        return Choreography(config.dances, own_seed, config.seconds, config.fps or 30.0)
+        return Choreography(config.dances, own_seed, config.seconds, 30.0)
     if config.source == "poses":
         return ProceduralPoses()
     weights = {name: weight for name, weight in sorted(config.weights.items()) if weight > 0}  # the order says nothing

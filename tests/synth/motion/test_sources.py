@@ -145,6 +145,7 @@ def test_clips_of_other_contents_are_refused(pack, changed, message):
     ("changes", "message"),
     [
         ({"fps": math.nan}, "motion.fps=nan"),
+        ({"source": "choreography", "fps": 60.0}, "motion.fps=60.0: the rate of BVH files"),
         ({"weights": {"clips": 0.5, "poses": 0.5}}, "set motion.path"),
     ],
 )
