@@ -79,7 +79,11 @@ class SetConfig:
 
     @property
     def hash(self) -> str:
-        """Twelve hexadecimal digits of the SHA-256 of `as_json`. They differ whenever a sample could differ."""
+        """Twelve hexadecimal digits of the SHA-256 of `as_json`.
+
+        They differ whenever a sample could differ, but for the content of recordings: of a motion pack only the path is in
+        them, of BVH files path, names and sizes.
+        """
         return hashlib.sha256(self.as_json().encode()).hexdigest()[:12]
 
 
