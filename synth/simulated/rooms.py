@@ -47,6 +47,7 @@ class RoomsConfig(Selection):
     """Identity and size of the set. The first 13 sequences are a film of each kind.
 
     Attributes:
+        seed: another seed gives other people, films, rooms and noise; single images take dances from the same hundred with any.
         kinds: of scenes to show, in turn.
         still_cameras: cameras that would move keep the pose that they have in the middle of the film: the same films otherwise,
             to compare with.
