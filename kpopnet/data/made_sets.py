@@ -42,4 +42,5 @@ def claim_folder(folder: Path, pattern: str, settings: dict[str, str | int | flo
 def check_others(train_hash: str, validation_hash: str, folder: Path | str) -> None:
     """Raises InputError where the validation set in `folder` is what is trained on."""
     if train_hash == validation_hash:
-        raise InputError(f"{folder}: the same people and scenes as are trained on; make it with benchmark.split=validation")
+        remedy = "make it with benchmark.split=validation, or take the samples of splits.validation"
+        raise InputError(f"{folder}: the same people and scenes as are trained on; {remedy}")

@@ -103,12 +103,11 @@ class ObservationConfig:
     def observed(self) -> tuple[ObservationSource, ObservationSource, dict[str, dict]]:
         """What to learn from and to validate with, and what identifies the sets.
 
-        Raises InputError if a folder holds none, or both are the same.
+        Raises InputError if a folder holds none, or both hold the same split of a set.
         """
-        if Path(self.data.train).resolve() == Path(self.data.validation).resolve():
-            raise InputError(f"data.validation={self.data.validation}: trained on too; choose a checkpoint on other people")
         log.info(f"reading {self.data.train} and {self.data.validation}")
         sets = {name: ShardedSet(folder) for name, folder in asdict(self.data).items()}
+        check_others(*(shards.header.config_hash for shards in sets.values()), self.data.validation)
         for name, shards in sets.items():
             if shards.kind == "frozen":
                 log.warning(f"data.{name}: a frozen set, measured once: sensor, other_sensors and extraction change nothing")

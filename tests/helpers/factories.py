@@ -1,6 +1,7 @@
 """Small shards of capsule people on a floor in front of a wall; the ground truth is known by construction."""
 
 import json
+import zlib
 from pathlib import Path
 
 import h5py
@@ -77,7 +78,10 @@ def store_shard(
     kind: str,
     **columns: np.ndarray,
 ) -> Path:
-    """Writes these samples in the layout of `kpopnet.data.shards`, with default columns where none are given."""
+    """Writes these samples in the layout of `kpopnet.data.shards`, with default columns where none are given.
+
+    Folders of different names hold different sets.
+    """
     count, size = len(depth_mm), depth_mm.shape[1:]
     folder.mkdir(parents=True, exist_ok=True)
     path = shard_path(folder, shard)
@@ -96,8 +100,8 @@ def store_shard(
         file.attrs.update(
             {
                 "format": FORMAT, "version": VERSION, "kind": kind, "config": json.dumps({"made_by": "tests"}),
-                "config_hash": "0" * 12, "seed": 7, "split": "test", "shard": shard, "start": start,
-                "stop": start + count, "packages": json.dumps({}),
+                "config_hash": f"{zlib.crc32(folder.name.encode()):012x}", "seed": 7, "split": "test", "shard": shard,
+                "start": start, "stop": start + count, "packages": json.dumps({}),
                 "camera": [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
             }
         )  # fmt: skip

@@ -29,10 +29,10 @@ def one_core() -> Iterator[None]:
     torch.set_num_threads(threads[1])
 
 
-def generated_set(folder: Path, count: int, shards: int = 1, source: str = "mix") -> ShardedSet:
+def generated_set(folder: Path, count: int, shards: int = 1, source: str = "mix", split: str = "train") -> ShardedSet:
     """Clean samples, by default of the default mixture; `count` in each shard."""
     sample = SampleConfig(renderer="cpu", motion=MotionConfig(source=source))
-    config = SetConfig(sample, seed=0, split="train", count=shards * count, shard_size=count, freeze=None)
+    config = SetConfig(sample, seed=0, split=split, count=shards * count, shard_size=count, freeze=None)
     for shard in range(shards):
         write_shard(config, folder, shard)
     return ShardedSet(folder)

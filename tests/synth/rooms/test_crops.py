@@ -1,5 +1,7 @@
 """`person_crops`: what the finder cuts out, read back as it was made, and added to the samples of a training."""
 
+import shutil
+
 import h5py
 import numpy as np
 import pytest
@@ -70,8 +72,10 @@ def test_a_training_sees_them_after_its_samples(folder, tmp_path):
     assert len(often) == 6 + 3 * len(own) and len(once) == len(validation)
     with pytest.raises(InputError, match="no person crops"):
         NetworkTrainingConfig(data=data, crops=str(tmp_path)).observed()
-    with pytest.raises(InputError, match="trained on too"):
-        NetworkTrainingConfig(data=DataConfig(data.train, f"{data.train}/../train")).observed()
+    shutil.copytree(data.train, tmp_path / "copy")
+    for same in ("validation/../train", "copy"):
+        with pytest.raises(InputError, match=f"{same}: the same people and scenes as are trained on"):
+            NetworkTrainingConfig(data=DataConfig(data.train, f"{tmp_path}/{same}")).observed()
     with pytest.raises(InputError, match="crops_repeated=0"):
         NetworkTrainingConfig(crops_repeated=0)
 
