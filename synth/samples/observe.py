@@ -194,8 +194,9 @@ def _surroundings(sample: Sample, camera: Camera, with_attached: bool) -> Box:
         raise InputError(f"sample: the box {sample.box} is not within {camera.width}x{camera.height} pixels")
     margin = MARGIN_PX
     if with_attached and x1 > x0:
-        nearest_m = sample.depth_mm[y0:y1, x0:x1].max(initial=1) / MM_PER_METRE
-        margin += int(ATTACHED_RADIUS_M[1] * camera.fx / nearest_m)
+        person_mm = sample.depth_mm[y0:y1, x0:x1]
+        nearest_mm = person_mm.min(where=person_mm > 0, initial=np.iinfo(np.uint16).max)
+        margin += int(ATTACHED_RADIUS_M[1] * camera.fx * MM_PER_METRE / nearest_mm)
     return widened(sample.box, margin, camera)
 
 

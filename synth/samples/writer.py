@@ -30,7 +30,7 @@ from synth.samples.observe import Background, FreezeConfig, freeze
 from synth.samples.placing import Site
 from synth.samples.sampler import BLOCK, SampleConfig, Sampler
 
-GENERATOR = 2
+GENERATOR = 3
 """Version of the generator. Increase it with every change after which the same configuration gives different samples."""
 
 TILE_PX = 240

@@ -120,6 +120,18 @@ def test_attached_pieces_are_room_near_the_person(shards):
     assert added >= 4
 
 
+def test_what_is_measured_holds_an_attached_piece_at_the_nearest_pixel(shards):
+    """A far pixel in the box, as of a wall between the legs, does not narrow it."""
+    sample, camera = shards[0], shards.camera
+    (x0, _, x1, _), depth_mm = sample.box, sample.depth_mm.copy()
+    nearest_m = depth_mm[depth_mm > 0].min() / 1000
+    depth_mm[tuple(np.argwhere(depth_mm)[0])] = 60000
+    room, attach = Background(*shards.room(0, sample.room)), dataclasses.replace(PERFECT, attached=1.0)
+    seen = observe_sample(dataclasses.replace(sample, depth_mm=depth_mm), room, camera, IDEAL, attach, seeded())
+    left_px, reach_px = round(camera.cx - seen.camera.cx), 0.3 * camera.fx / nearest_m
+    assert left_px <= max(x0 - reach_px, 0) and left_px + seen.camera.width >= min(x1 + reach_px, camera.width)
+
+
 def test_a_missing_hand_is_removed_and_the_rest_remains(shards):
     missing = dataclasses.replace(PERFECT, hand_missing=1.0)
     clean = full_image(observed(shards), shards.camera)
