@@ -139,6 +139,14 @@ CAMERAS = {
 Kinect (narrow field of view, not binned) and RealSense D435 (58 degrees of height, from its data sheet)."""
 
 
+def measured(stored: np.ndarray) -> np.ndarray:
+    """Depth as it is stored, in any unit, as float32: the largest of 16 unsigned bits, of either byte order, becomes 0."""
+    depth = stored.astype(np.float32)
+    if stored.dtype.kind == "u" and stored.dtype.itemsize == 2:
+        depth[stored == np.iinfo(np.uint16).max] = 0
+    return depth
+
+
 def depth_in_metres(
     depth: np.ndarray, camera: Camera | None = None, *, where: str = "depth image", unit_known: bool = False
 ) -> np.ndarray:
@@ -158,9 +166,7 @@ def depth_in_metres(
     if depth.ndim not in (2, 3):
         raise InputError(f"{where}: expected shape (H, W) or (T, H, W), got {depth.shape}")
     if depth.dtype.kind == "u" and depth.dtype.itemsize > 1:
-        depth_m = depth.astype(np.float32) / np.float32(MM_PER_METRE)
-        if depth.dtype == np.uint16:
-            depth_m[depth == np.iinfo(np.uint16).max] = 0
+        depth_m = measured(depth) / np.float32(MM_PER_METRE)
         if (
             not unit_known
             and 0 < (farthest_m := depth_m.max(initial=0)) < MIN_FARTHEST_M

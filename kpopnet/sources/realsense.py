@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
+from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres, measured
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import first_line, parsing
 from kpopnet.runtime.provenance import optional_library
@@ -36,7 +36,7 @@ def _camera_of(profile: Any, where: str) -> Camera:
 def _depth_of(frame: Any) -> np.ndarray:
     """The (H, W) depth of a depth frame: uint16 millimetres, or float32 metres where the camera's unit is another."""
     depth, unit_m = np.array(frame.get_data()), frame.get_units()
-    return depth if np.isclose(unit_m, 1 / MM_PER_METRE) else depth.astype(np.float32) * np.float32(unit_m)
+    return depth if np.isclose(unit_m, 1 / MM_PER_METRE) else measured(depth) * np.float32(unit_m)
 
 
 def read_bag(path: Path) -> Recording:

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from kpopnet.camera import MAX_IMAGE_PIXELS, Camera, depth_in_metres
+from kpopnet.camera import MAX_IMAGE_PIXELS, Camera, depth_in_metres, measured
 from kpopnet.errors import InputError
 from kpopnet.sources.lenses import Lens, View
 
@@ -76,7 +76,7 @@ class DepthSource:
         for number, image in enumerate(self.images()):
             if number >= MAX_FRAMES:
                 raise InputError(f"{self.name}: more than {MAX_FRAMES:,} images; cut it into parts")
-            depth = image.depth if self.units_per_m is None else image.depth.astype(np.float32) / np.float32(self.units_per_m)
+            depth = image.depth if self.units_per_m is None else measured(image.depth) / np.float32(self.units_per_m)
             depth_m = self.view.image(depth_in_metres(depth, self.stored, where=image.where))
             time_s = image.time_s if self.file_times and image.time_s is not None else number / self.fps
             if not before_s < time_s < np.inf:

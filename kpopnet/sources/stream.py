@@ -8,7 +8,7 @@ and after it, for each image and without gaps:
 
     float64   when it was taken, seconds: on the clock of `PipeCamera`, or of any clock in a file; NaN if it is not known
     uint64    number of bytes of the depth: width x height x 2 or 4
-    depth     uint16 or float32, row by row from the top left; 1 is `unit_m` metres, and 0 is not measured
+    depth     uint16 or float32, row by row from the top left; 1 is `unit_m` metres, 0 is not measured, nor is 65535 of uint16
 
 all little-endian. A file of the same bytes is a recording, whose name ends with .depth.
 """
@@ -21,7 +21,7 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from kpopnet.camera import MM_PER_METRE
+from kpopnet.camera import MM_PER_METRE, measured
 from kpopnet.errors import check_between
 from kpopnet.runtime.input_files import expect, parse_json
 from kpopnet.sources.camera_files import optics_in
@@ -57,7 +57,7 @@ class Header(NamedTuple):
         if file.readinto(memoryview(depth).cast("B")) < self.depth_bytes:  # type: ignore[attr-defined]
             return None
         is_mm = depth.dtype.kind == "u" and self.unit_m == 1 / MM_PER_METRE
-        stored = depth if is_mm else depth.astype(np.float32) * np.float32(self.unit_m)
+        stored = depth if is_mm else measured(depth) * np.float32(self.unit_m)
         return StoredImage(stored, where, time_s if np.isfinite(time_s) else None)
 
 

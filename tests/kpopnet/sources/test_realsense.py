@@ -31,7 +31,8 @@ def opened(plugged):
 
 
 def test_a_recording_tells_camera_times_and_unit(tmp_path):
-    source = open_depth(write_bag(tmp_path / "a.db3", IMAGES, unit_m=0.0001))
+    stored = np.where(IMAGES == 0, np.uint16(65535), IMAGES)  # neither was measured
+    source = open_depth(write_bag(tmp_path / "a.db3", stored, unit_m=0.0001))
     images = list(source.timed())
     np.testing.assert_allclose([image.depth_m for image in images], IMAGES.astype(np.float32) / 10_000, rtol=1e-6)
     np.testing.assert_allclose([image.time_s for image in images], np.arange(len(IMAGES)) / FPS, atol=1e-6)

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from damaged_files import is_refused
-from depth_files import CAMERA, FPS, camera_numbers, depth_mm, write_hdf5, write_npz, write_pngs, write_video
+from depth_files import CAMERA, FPS, camera_numbers, depth_mm, write_hdf5, write_npz, write_pngs, write_sent, write_video
 from PIL import Image
 
 from kpopnet.camera import CAMERAS, Camera
@@ -129,6 +129,16 @@ def test_times_come_from_the_file_or_the_rate_and_a_given_rate_replaces_both(tmp
     path = write_npz(tmp_path / "d.npz", MILLIMETRES, times_s=np.append(times_s[:-1], times_s[3]))
     with pytest.raises(InputError, match=r"frame 11: taken at .* after one at"):
         list(open_depth(path))
+
+
+def test_the_largest_of_16_bits_is_not_measured_in_any_unit(tmp_path):
+    stored = np.where(MILLIMETRES == 0, np.uint16(65535), MILLIMETRES)
+    np.save(tmp_path / "a.npy", stored)
+    np.save(tmp_path / "b.npy", stored.astype(">u2"))
+    write_sent(tmp_path / "c.depth", stored, unit_m=0.0002)
+    for name, units_per_m, stated in (("a.npy", 1000, {"depth_scale": 1000}), ("b.npy", 1000, {}), ("c.depth", 5000, {})):
+        _, images = read(tmp_path / name, CAMERA, **stated)
+        np.testing.assert_allclose(images, MILLIMETRES / np.float32(units_per_m), rtol=1e-6)
 
 
 def test_the_camera_comes_from_a_preset_a_file_an_angle_or_a_focal_length(tmp_path):
