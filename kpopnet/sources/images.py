@@ -5,6 +5,7 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from decimal import Decimal
+from functools import partial
 from itertools import repeat
 from pathlib import Path
 
@@ -46,12 +47,38 @@ def read_folder(folder: Path, key: str | None) -> Recording:
 
 
 def images_in(folder: Path, pattern: str) -> list[Path]:
-    """The images of a folder whose names fit a pattern, in natural order."""
+    """The images of a folder whose names fit a pattern, in natural order, or in that of the seconds in their names.
+
+    Raises InputError where the names do not tell which of both they mean.
+    """
     try:
         paths = [path for path in folder.glob(pattern) if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")]
     except (OSError, ValueError, NotImplementedError) as error:
         raise InputError(f"{folder}: images named {pattern} cannot be listed ({error})") from error
-    return sorted(paths, key=natural)
+    return ordered(folder, paths)
+
+
+def ordered(folder: Path, paths: list[Path]) -> list[Path]:
+    """Paths in natural order; in that of decimals where each name has one whose trailing zeros were dropped.
+
+    Fractions that begin with 0 and do not end with it are decimals (84231.0333, 84231.1), those that end with 0 are numbers of
+    images (3.9, 3.10); where neither occurs and both orders differ, InputError is raised.
+    """
+    whole = sorted(paths, key=natural)
+    fractions = [FRACTION.findall(path.stem) for path in paths]
+    if any(len(one) != 1 for one in fractions) or len({len(one) for (one,) in fractions}) < 2:
+        return whole
+    decimal = sorted(paths, key=partial(natural, numbers=DECIMALS))
+    longer = [one for (one,) in fractions if len(one) > 1]
+    if whole == decimal or any(one.endswith("0") for one in longer):
+        return whole
+    if any(one.startswith("0") for one in longer):
+        return decimal
+    first, other = next(pair for pair in zip(whole, decimal, strict=True) if pair[0] != pair[1])
+    raise InputError(
+        f"{folder}: {first.name} or {other.name} may be the earlier image: the numbers in their names are decimals, or not; "
+        "rename the images, with equally many digits after the point"
+    )
 
 
 def read_images(paths: Sequence[Path], camera_file: Path | None = None, times_s: Sequence[float] | None = None) -> Recording:
@@ -68,10 +95,14 @@ def read_images(paths: Sequence[Path], camera_file: Path | None = None, times_s:
 NUMBERS = re.compile(r"((?<![0-9])[0-9]{9,10}\.[0-9]+|[0-9]+)")
 """Numbers in a name: seconds since 1970 with a fraction, as of time.time(), and whole ones."""
 
+DECIMALS = re.compile(r"([0-9]+\.[0-9]+|[0-9]+)")
+FRACTION = re.compile(r"(?<![0-9])(?<![0-9]\.)[0-9]+\.([0-9]+)(?!\.?[0-9])")
+"""What stands behind the point of a number with one point."""
 
-def natural(path: Path) -> list[tuple[int, Decimal | str]]:
+
+def natural(path: Path, numbers: re.Pattern = NUMBERS) -> list[tuple[int, Decimal | str]]:
     """A key that orders names by the numbers in them."""
-    return [(0, Decimal(part)) if part[:1].isdecimal() else (1, part) for part in NUMBERS.split(path.name)]
+    return [(0, Decimal(part)) if part[:1].isdecimal() else (1, part) for part in numbers.split(path.name)]
 
 
 def read_image(source: Path | io.BytesIO, where: str = "", modes: Sequence[str] = DEPTH_MODES) -> np.ndarray:

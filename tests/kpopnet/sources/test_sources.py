@@ -69,6 +69,30 @@ def test_images_named_by_the_seconds_since_1970_are_in_the_order_of_time(tmp_pat
     np.testing.assert_array_equal(read(tmp_path / "images", CAMERA)[1], METRES)
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("84231.0", "84231.0333", "84231.0667", "84231.1", "84231.1333"),
+        ("take 2, 9.95", "take 2, 9.9833", "take 2, 10.0167", "take 2, 10.05"),
+        ("frame_1.8", "frame_1.9", "frame_1.10", "frame_1.11", "frame_2.1"),
+        ("1.01", "1.02", "1.99", "1.100"),
+        ("2026.5.9", "2026.5.10", "2026.11.1"),
+    ],
+)
+def test_images_named_by_decimals_or_by_numbers_of_numbers_are_in_their_order(names, tmp_path):
+    (tmp_path / "images").mkdir()
+    for name, image in zip(names, MILLIMETRES, strict=False):
+        Image.fromarray(image).save(tmp_path / "images" / f"{name}.png")
+    np.testing.assert_array_equal(read(tmp_path / "images", CAMERA, key="*")[1], METRES[: len(names)])
+
+
+def test_names_that_may_be_decimals_are_refused(tmp_path):
+    for name in ("1.8", "1.9", "1.11"):
+        Image.fromarray(MILLIMETRES[0]).save(tmp_path / f"{name}.png")
+    with pytest.raises(InputError, match=r"1\.8\.png or 1\.11\.png may be the earlier image.*equally many digits"):
+        open_depth(tmp_path, CAMERA)
+
+
 def test_a_stack_of_images_in_one_file_is_refused(tmp_path):
     first, *others = map(Image.fromarray, MILLIMETRES)
     first.save(tmp_path / "stack.tif", save_all=True, append_images=others)
