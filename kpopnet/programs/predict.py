@@ -61,16 +61,21 @@ def parsed() -> argparse.Namespace:
 
 
 def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) -> tuple[list[PersonPose], np.ndarray]:
-    """The people of a recording, the main person first, and the (T,) times of its images in seconds.
+    """The people of a recording, the main person first, and the (T,) times of its images in seconds: since
+    the first image where they lie beyond MAX_TIME_S, as those since 1970 do.
 
     Raises InputError if an image cannot be read or is no depth, or the recording is too long or empty.
     """
     if source.frames is not None and source.frames / source.fps > MAX_DURATION_S:
         raise InputError(f"{source.name}: {source.frames:,} images last more than {MAX_DURATION_S:g} s; cut it into parts")
-    times_s = []
+    times_s, start_s = [], 0.0
 
     def images() -> Iterator[TimedDepth]:
+        nonlocal start_s
         for image in tqdm(source.timed(), "joints", source.frames, unit=" images", disable=None):
+            if not times_s and image.time_s > MAX_TIME_S:
+                start_s = image.time_s
+            image = image._replace(time_s=image.time_s - start_s)
             times_s.append(image.time_s)
             if abs(image.time_s) > MAX_TIME_S or image.time_s - times_s[0] > MAX_DURATION_S:
                 text = (

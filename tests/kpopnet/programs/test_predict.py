@@ -105,6 +105,14 @@ def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(p
     assert "person 1: in 2 of 2 images" in predict(tmp_path / "a.npz", "--segmented")
 
 
+def test_times_since_1970_become_times_since_the_first_image(predict, tmp_path):
+    known = {"depth": recording()[:3], "camera": list(vars(CAMERA).values())}
+    for start_s, first_s in ((1.7e9, 0.0), (84231.5, 84231.5)):
+        np.savez(tmp_path / "a.npz", times_s=start_s + np.arange(3) / 32, **known)
+        predict(tmp_path / "a.npz", "--segmented")
+        np.testing.assert_array_equal(np.load(tmp_path / "out" / "joints.npz")["times_s"], first_s + np.arange(3) / 32)
+
+
 def test_a_recording_that_goes_on_is_shown_as_far_as_it_was_read(tmp_path):
     np.savez(tmp_path / "a.npz", depth=recording(), camera=list(vars(CAMERA).values()))
     draw(open_depth(tmp_path / "a.npz"), [], np.arange(5) / 30, tmp_path, gif=False)
