@@ -64,6 +64,13 @@ def test_another_array_is_refused(tmp_path, array, message):
         open_npy(tmp_path / "a.npy", ArraySchema("fu", (None, 3)))
 
 
+def test_several_arrays_under_the_name_of_one_are_refused(tmp_path):
+    with (tmp_path / "a.npy").open("wb") as file:
+        np.savez(file, np.zeros((2, 3)))
+    with pytest.raises(InputError, match=r"a\.npy: expected an \.npy file of one array, found an \.npz file"):
+        open_npy(tmp_path / "a.npy", ArraySchema("fu", (None, 3)))
+
+
 def test_an_array_is_mapped_as_it_was_saved_and_refused_if_cut_off(tmp_path):
     path = tmp_path / "a.npy"
     for array in (np.arange(6.0).reshape(2, 3), np.asfortranarray(np.arange(6, dtype=np.uint16).reshape(2, 3))):
