@@ -16,7 +16,7 @@ import argparse
 import itertools
 import time
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -286,16 +286,16 @@ def main() -> None:
         raise InputError("--as-fast is for recordings, --empty for live cameras")
     estimator, machine_before = load_estimator(None), machine()
     announce_compilation()
-    with shared_live(given.source) as given.source:
-        runs, is_simulated = checked(given, estimator)
-    kinds = list(dict.fromkeys(run.kind for run in runs))
-    found = {kind: figures([run for run in runs if run.kind == kind]) for kind in kinds}
-    fed = "as fast as they are read: no delays" if given.as_fast else "in real time"
-    before = "{processor}, {usable_cores} of {cores} cores, load {load:.1f}".format(**machine_before)
-    about = {"source": given.source, "simulated": is_simulated, "as_fast": given.as_fast, "runs": len(runs)}
-    shown = blocks(Path(given.source).name, is_simulated, found, [f"Images came {fed}; {before}."])
-    print(as_text(shown))
-    if given.out is not None:
-        with locked(given.out):
+    with locked(given.out) if given.out else nullcontext():
+        with shared_live(given.source) as given.source:
+            runs, is_simulated = checked(given, estimator)
+        kinds = list(dict.fromkeys(run.kind for run in runs))
+        found = {kind: figures([run for run in runs if run.kind == kind]) for kind in kinds}
+        fed = "as fast as they are read: no delays" if given.as_fast else "in real time"
+        before = "{processor}, {usable_cores} of {cores} cores, load {load:.1f}".format(**machine_before)
+        about = {"source": given.source, "simulated": is_simulated, "as_fast": given.as_fast, "runs": len(runs)}
+        shown = blocks(Path(given.source).name, is_simulated, found, [f"Images came {fed}; {before}."])
+        print(as_text(shown))
+        if given.out:
             written = write(given.out, shown, found, runs, about | {"machine": machine_before})
-        print("wrote", ", ".join(map(str, written)))
+            print("wrote", ", ".join(map(str, written)))

@@ -141,6 +141,7 @@ def write(folder: Path, shown: list[str | Table], found: dict[str, Figures], run
     written = [folder / "check.md", folder / "check.json"]
     tiles = [tile(run, number, caption) for run in runs for number, caption in moments(run) if number in run.images]
     tiles, pictures = tiles[:MOST_TILES], []
+    (folder / "check.png").unlink(missing_ok=True)  # of another run
     if tiles:
         rows = [("", tiles[first : first + TILES_PER_ROW]) for first in range(0, len(tiles), TILES_PER_ROW)]
         styles = (ESTIMATED, TRUE) if any(run.truth_m is not None for run in runs) else (ESTIMATED,)

@@ -118,6 +118,13 @@ def test_recordings_that_cannot_be_checked_are_one_line(check, cheap, film, tmp_
     assert "--depth-scale: a live camera states its own" in check("realsense", "--depth-scale", 5000, fails=True)
 
 
+def test_a_folder_that_cannot_be_written_is_told_before_the_minute(check, cheap, tmp_path):
+    short = write_npz(tmp_path / "short.npz", depth_mm(90), fps=30)
+    (tmp_path / "out").write_text("no folder")
+    told = check(short, "--as-fast", "--out", tmp_path / "out", fails=True)
+    assert str(tmp_path / "out") in told and "the script takes" not in told
+
+
 @pytest.fixture
 def shorter(monkeypatch, cheap):
     """The script in three seconds."""

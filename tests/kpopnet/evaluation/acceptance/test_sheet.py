@@ -55,5 +55,8 @@ def test_the_files_and_pictures(tmp_path) -> None:
     assert "SIMULATED" in text and "never, missed" in text and "≤ 17.5 mm" in text and "99.5 %" in text and "check.png" in text
     picture = cv2.imread(str(tmp_path / "out" / "check.png"))
     assert (picture[..., 2].astype(int) - picture[..., 0] > 100).any()  # red: the right side of who is not there
+    again = write(tmp_path / "out", shown, found, [], {})  # nothing to look at
+    assert again == [tmp_path / "out" / "check.md", tmp_path / "out" / "check.json"]
+    assert not (tmp_path / "out" / "check.png").exists()
     assert "SIMULATED" not in str(blocks("minute.h5", False, found, []))
     assert len(table(found).rows) == len(LINES)
