@@ -28,7 +28,7 @@ from kpopnet.datasets.check_script import END_S, SCRIPT, step_s
 from kpopnet.datasets.protocol import BenchmarkConfig
 from kpopnet.datasets.simulated import MANIFEST, SimulatedSet
 from kpopnet.errors import InputError, check_between
-from kpopnet.evaluation.acceptance.figures import figures
+from kpopnet.evaluation.acceptance.figures import figures, script_fault
 from kpopnet.evaluation.acceptance.sheet import blocks, machine, moments, write
 from kpopnet.evaluation.acceptance.watched import EMPTY_M2, IN_VIEW_M2, Kept, Truth, Watched, stored_truth, surfaces_m2
 from kpopnet.evaluation.report import as_text
@@ -294,7 +294,8 @@ def main() -> None:
         fed = "as fast as they are read: no delays" if given.as_fast else "in real time"
         before = "{processor}, {usable_cores} of {cores} cores, load {load:.1f}".format(**machine_before)
         about = {"source": given.source, "simulated": is_simulated, "as_fast": given.as_fast, "runs": len(runs)}
-        shown = blocks(Path(given.source).name, is_simulated, found, [f"Images came {fed}; {before}."])
+        faults = [f"{run.name}: {fault}" for run in runs if (fault := script_fault(run))]
+        shown = blocks(Path(given.source).name, is_simulated, found, [f"Images came {fed}; {before}.", *faults])
         print(as_text(shown))
         if given.out:
             written = write(given.out, shown, found, runs, about | {"machine": machine_before})

@@ -62,13 +62,25 @@ def figures(runs: list[Watched]) -> dict[str, float | int | None]:
         "availability": float(with_joints_s / shown_s) if shown_s else None,
         "found_first_ms": _worst_ms([first for first, _ in returns]),
         "found_again_ms": _worst_ms([again for _, again in returns]),
-        "longest_gap_ms": _worst_ms(gaps),
-        "exchanges": sum(len(exchanges(run)) for run in runs),
+        "longest_gap_ms": _worst_ms(gaps) if with_joints_s else None,
+        "exchanges": sum(len(exchanges(run)) for run in runs) if with_joints_s else None,
         "jitter_core_mm": _rms_mm([jitter_m(run, CORE) for run in runs]),
         "jitter_ends_mm": _rms_mm([jitter_m(run, ENDS) for run in runs]),
         "mean_error_mm": _mm(mean_error_m(errors)),
         "ends_error_mm": _mm(mean_error_m(errors[:, ENDS])),
     }
+
+
+def script_fault(run: Watched) -> str:
+    """Why the figures of a run say little, "" for a run of the script."""
+    room, still = (
+        (run.times_s >= start_s) & (run.times_s < end_s) for start_s, end_s in map(step_s, ("empty room", "stand still"))
+    )
+    if not (run.in_view | run.empty).any():
+        return "no image has a measured pixel; is the lens covered?"
+    if run.truth_m is None and 2 * sum(bool(run.people_m[number]) for number in np.flatnonzero(room)) > room.sum():
+        return "somebody was found in most images of the empty room, with which it begins: the script was not followed"
+    return "" if run.in_view[still].any() else "nobody was in view while one should stand still: the script was not followed"
 
 
 def durations_s(run: Watched) -> np.ndarray:

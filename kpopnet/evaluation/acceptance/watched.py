@@ -70,7 +70,8 @@ class Watched:
 def surfaces_m2(images: list[Kept], empty: np.ndarray) -> np.ndarray:
     """(T,) surface before the empty room in each image, square metres; (T,) bool `empty` says which show it: at least one.
 
-    The empty room is the median of its measured depths. Lines as thin as a pixel, the flicker of edges, do not count.
+    NaN where nothing was measured, as by a covered lens. The empty room is the median of its measured depths. Lines as thin as
+    a pixel, the flicker of edges, do not count.
     """
     rooms_m = np.stack([image.depth_mm for image, is_empty in zip(images, empty, strict=True) if is_empty]) / MM_PER_METRE
     rooms_m[rooms_m == 0] = np.nan
@@ -81,7 +82,8 @@ def surfaces_m2(images: list[Kept], empty: np.ndarray) -> np.ndarray:
         depth_m = image.depth_mm / MM_PER_METRE
         nearer = ((depth_m > 0) & (depth_m < room_m - NEARER_M)).astype(np.uint8)
         solid = cv2.morphologyEx(nearer, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
-        areas.append(float((depth_m[solid] ** 2).sum() / (image.camera.fx * image.camera.fy)))
+        area_m2 = float((depth_m[solid] ** 2).sum() / (image.camera.fx * image.camera.fy))
+        areas.append(area_m2 if image.depth_mm.any() else np.nan)
     return np.array(areas)
 
 

@@ -125,6 +125,15 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_minute(check, cheap,
     assert str(tmp_path / "out") in told and "the script takes" not in told
 
 
+def test_a_covered_lens_meets_no_gate_and_is_named(check, cheap, tmp_path):
+    dark = write_npz(tmp_path / "dark.npz", np.zeros((121, 48, 64), np.uint16), fps=FPS)
+    printed = check(dark, "--as-fast")
+    assert "dark.npz: no image has a measured pixel; is the lens covered?" in printed
+    found = rows(printed)
+    assert found["exchanges of left and right"] == "-, not shown" and found["longest gap"] == "-"
+    assert float(found["time for which the room was empty"].split()[0]) == 0
+
+
 @pytest.fixture
 def shorter(monkeypatch, cheap):
     """The script in three seconds."""

@@ -8,7 +8,7 @@ from cone_people import cone_joints
 from scipy.spatial.transform import Rotation
 
 from kpopnet.camera import Camera
-from kpopnet.evaluation.acceptance.figures import exchanges, false_people, figures
+from kpopnet.evaluation.acceptance.figures import exchanges, false_people, figures, script_fault
 from kpopnet.evaluation.acceptance.watched import Kept, Watched, surfaces_m2
 from kpopnet.skeleton import MIRROR, Joint
 
@@ -123,6 +123,17 @@ def test_turning_around_is_no_exchange(run: Watched) -> None:
         assert exchanges(replace(run, joints_m=joints_m, truth_m=truth_m)) == []
 
 
+def test_where_nobody_is_in_view_nothing_is_shown_and_the_cause_is_told(run: Watched) -> None:
+    nobody = np.zeros(len(run.times_s), bool)
+    run = replace(run, truth_m=None)
+    alone = replace(run, in_view=nobody, empty=~nobody, joints_m=np.full_like(run.joints_m, np.nan))
+    found = figures([alone])
+    assert found["exchanges"] is found["longest_gap_ms"] is found["availability"] is None
+    assert script_fault(run) == "" and "nobody was in view" in script_fault(alone)
+    assert "is the lens covered?" in script_fault(replace(alone, empty=nobody))
+    assert "images of the empty room" in script_fault(replace(run, people_m=[[PERSON_M]] * len(run.times_s)))
+
+
 def test_jitter_is_that_of_standing_still(run: Watched) -> None:
     """Hands go to and fro by 30 mm, and everything leaps by a metre when the person moves."""
     joints_m, hands = run.joints_m.copy(), [Joint.RIGHT_HAND, Joint.LEFT_HAND]
@@ -151,8 +162,10 @@ def test_the_surface_before_the_empty_room_is_that_of_who_came_in() -> None:
     images_m[:, :, ::40] = np.where(rng.random((12, 240, 8)) < 0.5, 2, 4)  # edges flicker
     images_m[:, 100:110] = 0  # not measured
     images_m[8:, 60:180, 100:200] = 2
+    images_m[11] = 0
     kept = [Kept.of(image_m, camera) for image_m in images_m]
     assert kept[0].depth_mm.shape == (120, 160) and kept[0].camera.fx == 150
     areas_m2 = surfaces_m2(kept, np.arange(12) < 8)
     assert (areas_m2[:8] == 0).all()
-    assert areas_m2[8:] == pytest.approx([100 * 120 * 4 / 300**2] * 4, rel=0.05)
+    assert areas_m2[8:11] == pytest.approx([100 * 120 * 4 / 300**2] * 3, rel=0.05)
+    assert np.isnan(areas_m2[11])  # nothing was measured: no empty room
