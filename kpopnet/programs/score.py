@@ -21,11 +21,11 @@ from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.noise.table import NOISE
 from kpopnet.dance.parts import PartScorer
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import MAX_TIME_S, Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.moments import PHRASE_S
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_between
 from kpopnet.evaluation.dances.score_text import score_json, score_notes, score_text
 from kpopnet.evaluation.report import printable, write_text
 from kpopnet.evaluation.values import plain
@@ -81,6 +81,7 @@ def parsed() -> argparse.Namespace:
     given = parser.parse_args()
     if given.bpm is not None and not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats a minute")
+    check_between("--late", given.late, -MAX_TIME_S, MAX_TIME_S)
     check_grading(given)
     return given
 

@@ -90,7 +90,8 @@ def open_depth(
     check_size(str(path), recording.width, recording.height, recording.frames)
     stated = recording.fps if fps is None else fps
     if stated is not None and not 1 <= stated <= 1000:
-        raise InputError(f"{path}: {stated:g} images a second; expected 1 to 1000")
+        cause = ", by its own times in seconds, or its own rate; --fps overrides them" if fps is None else ""
+        raise InputError(f"{path}: {stated:g} images a second; expected 1 to 1000{cause}")
     if depth_scale is not None and not 0 < depth_scale < math.inf:
         raise InputError(f"{path}: {depth_scale:g} units a metre; expected a positive number, such as 1000 for millimetres")
     if depth_scale is not None and path.suffix.lower() == ".depth":

@@ -134,6 +134,7 @@ def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_
     score = json.loads((tmp_path / "out" / "score.json").read_text())["score"]
     assert round(score["uncertainty"]) == int(uncertain) > 0 and f"± {uncertain}: on true joints" in told
     assert "--bpm 0: expected 20 to 400" in run(*words, "--bpm", 0, fails=True)
+    assert "--late=nan: expected a number" in run(*words, "--late", "nan", fails=True)
     refused = run(*words, "--scorer", "paper", "--noise", "tracker", fails=True)
     assert "--noise tracker: scorer paper knows no noise; dance22 does" in refused
 

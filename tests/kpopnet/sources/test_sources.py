@@ -150,6 +150,8 @@ def test_times_come_from_the_file_or_the_rate_and_a_given_rate_replaces_both(tmp
     assert open_depth(write_npz(tmp_path / "c.npz", MILLIMETRES, fps=60)).fps == 60
     with pytest.raises(InputError, match="5000 images a second; expected 1 to 1000"):
         open_depth(write_npz(tmp_path / "c.npz", MILLIMETRES, fps=5000))
+    with pytest.raises(InputError, match=r"0\.03 images a second; expected 1 to 1000, by its own times in seconds.*--fps"):
+        open_depth(write_npz(tmp_path / "c.npz", MILLIMETRES, times_s=np.arange(len(METRES)) / 0.03))
     path = write_npz(tmp_path / "d.npz", MILLIMETRES, times_s=np.append(times_s[:-1], times_s[3]))
     with pytest.raises(InputError, match=r"frame 11: taken at .* after one at"):
         list(open_depth(path))
