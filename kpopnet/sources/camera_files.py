@@ -32,6 +32,9 @@ AZURE_MODES = {(320, 288): (0.5, 192, 180), (640, 576): (1.0, 192, 180), (512, 5
 narrow modes are a part of it, the wide ones all of it (Azure Kinect Sensor SDK, MIT)."""
 
 
+OTHER_SIZES = {"kinect_v1": (640, 480), "azure_kinect": (320, 288)}
+"""Of presets whose camera measures the same view with twice or half as many pixels a row, the size of those images."""
+
 AZURE_LENSES = ("CALIBRATION_LensDistortionModelBrownConrady", "CALIBRATION_LensDistortionModelRational6KT")
 """The second, of early devices, differs by a factor of 2 in a term of p1 and p2, which moves no pixel visibly."""
 
@@ -39,10 +42,17 @@ AZURE_LENSES = ("CALIBRATION_LensDistortionModelBrownConrady", "CALIBRATION_Lens
 def read_optics(path: Path | str, width: int | None = None, height: int | None = None) -> Optics:
     """The camera and lens of a JSON file of one of the kinds above, or a preset by its name in `kpopnet.camera.CAMERAS`.
 
-    An Azure Kinect's calibration needs `width` and `height` of the recorded image in pixels.
+    An Azure Kinect's calibration needs `width` and `height` of the recorded image in pixels; a preset is refused for
+    others than its own, and those of OTHER_SIZES.
     """
-    if str(path) in CAMERAS:
-        return Optics(CAMERAS[str(path)])
+    if (preset := CAMERAS.get(name := str(path))) is not None:
+        size = (width or preset.width, height or preset.height)
+        if size not in ((preset.width, preset.height), OTHER_SIZES.get(name)):
+            raise InputError(
+                f"camera {name}: expected the camera's {preset.width}x{preset.height} pixels, got {size[0]}x{size[1]}; "
+                "give a file of intrinsics (--camera), or the horizontal field of view in degrees (--fov)"
+            )
+        return Optics(preset.resized(*size))
     if not Path(path).is_file():
         raise InputError(f"{path}: no such file, and no preset; there are {', '.join(CAMERAS)}")
     return optics_in(read_json(Path(path)), str(path), width, height)

@@ -56,7 +56,7 @@ def chosen_camera(
     if sum(one is not None for one in (given, fov_deg, focal_px)) > 1:
         raise InputError("the camera is given twice; give one of --camera, --fov and --focal")
     if given is not None:
-        return CAMERAS.get(given) or partial(read_optics, given)
+        return partial(read_optics, given)
     if fov_deg is not None:
         return partial(Camera.from_fov, fov_deg)
     return None if focal_px is None else partial(Camera.centred, focal_px)

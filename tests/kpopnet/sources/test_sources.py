@@ -181,6 +181,10 @@ def test_the_camera_comes_from_a_preset_a_file_an_angle_or_a_focal_length(tmp_pa
         open_depth(tmp_path / "a.npy", chosen_camera())
     with pytest.raises(InputError, match="given twice"):
         chosen_camera("eval", 58.0)
+    np.save(tmp_path / "large.npy", np.full((2, 480, 640), 2000, np.uint16))
+    assert open_depth(tmp_path / "large.npy", chosen_camera("kinect_v1")).camera == Camera.centred(571.26, 640, 480)
+    with pytest.raises(InputError, match=r"camera realsense: expected the camera's 848x480 pixels, got 640x480.*--fov"):
+        open_depth(tmp_path / "large.npy", chosen_camera("realsense"))
     with pytest.raises(InputError, match=r"frame 0: expected the camera's 512x424 pixels, got 320x240"):
         list(open_depth(tmp_path / "a.npy", CAMERAS["kinect_2"]))
     matrix = [[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1]]
