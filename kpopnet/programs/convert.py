@@ -31,11 +31,13 @@ from kpopnet.dance.features import SEEN_CONFIDENCE
 from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performances
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.performance import Performance
-from kpopnet.datasets.dances.dance_set import TEACHER, is_learner_name
+from kpopnet.datasets.dances.dance_set import LABELS, MAX_COORDINATE_M, TEACHER, check_times, is_learner_name
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
+from kpopnet.datasets.protocol import check_joints
 from kpopnet.errors import InputError
 from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
+from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.input_files import ArraySchema, check_budget, expect, open_npy
 
 IMPERIAL_FPS = 100.0
@@ -57,7 +59,7 @@ def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, 
     """Writes a dance given as joints into the folder of a set; the learners from the best to the worst.
 
     Joints that are only guessed become missing ones, since the format knows no confidence. Raises InputError, before anything
-    is written, for what is no name of a dance or a learner, and for a folder that holds other learners.
+    is written, for what is no name of a dance or a learner, no dance, and for a folder that holds other learners.
     """
     for what, word in (("--dance", name), *(("learner", learner) for learner in learners)):
         expect(is_learner_name(word), f"{what} {word!r}", "a name of letters, digits, spaces, -, _ and .")
@@ -66,10 +68,15 @@ def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, 
         raise InputError(
             f"{out / name}: holds {', '.join(others)} of an earlier conversion; delete them, or give another --dance"
         )
-    write_teacher(out / name, Performance(_seen_m(teacher), teacher.times_s))
-    for learner, performance in learners.items():
-        write_learner(out / name, learner, performance.times_s, _seen_m(performance))
-    write_labels(out / name, learners)
+    for dancer, performance in {Path(TEACHER).stem: teacher, **learners}.items():
+        check_times(out / name / dancer, performance.times_s)
+        check_joints(f"{out / name / dancer}", _seen_m(performance), MAX_COORDINATE_M)
+    with locked(out / name):
+        (out / name / LABELS).unlink(missing_ok=True)  # a dance without it is incomplete
+        write_teacher(out / name, Performance(_seen_m(teacher), teacher.times_s))
+        for learner, performance in learners.items():
+            write_learner(out / name, learner, performance.times_s, _seen_m(performance))
+        write_labels(out / name, learners)
     print(f"{out / name}: teacher and {len(learners)} learners, best first: {', '.join(learners)}")
 
 

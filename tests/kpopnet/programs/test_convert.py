@@ -9,8 +9,10 @@ from bvh_files import write_bvh
 from recorded_points import FRAMES, coco, imperial
 from scipy.spatial.transform import Rotation
 
+from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.dance_set import KpopSet
-from kpopnet.programs.convert import read_imperial
+from kpopnet.errors import InputError
+from kpopnet.programs.convert import read_imperial, write_dance
 from kpopnet.skeleton import Joint
 from synth.motion.skeleton import INDEX, LEG_M, NUM_JOINTS, Motion
 
@@ -68,6 +70,19 @@ def test_guessed_joints_become_missing_and_a_name_that_cannot_be_writes_nothing(
     for performance in (dance.teacher(), dance.learners[0].joints()):
         feet = performance.joints_m[:, [Joint.RIGHT_FOOT, Joint.LEFT_FOOT]]
         assert np.isnan(feet[5]).all() and np.isfinite(np.delete(feet, 5, axis=0)).all()
+
+
+def test_a_conversion_that_fails_leaves_no_mixed_dance(tmp_path, monkeypatch):
+    near, nearer, far = (Performance(np.full((3, 15, 3), depth_m), np.arange(3) / 30) for depth_m in (3.0, 2.0, 2000.0))
+    write_dance(tmp_path, "t", near, {"ann": near, "bob": near})
+    before = {path.name: path.read_bytes() for path in (tmp_path / "t").iterdir()}
+    with pytest.raises(InputError, match="bob: expected joints in metres, at most 1000 m"):
+        write_dance(tmp_path, "t", nearer, {"ann": nearer, "bob": far})
+    assert {path.name: path.read_bytes() for path in (tmp_path / "t").iterdir()} == before
+    monkeypatch.setattr("kpopnet.programs.convert.write_learner", lambda *given: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        write_dance(tmp_path, "t", nearer, {"ann": nearer, "bob": near})
+    assert {path.name for path in (tmp_path / "t").iterdir()} == before.keys() - {"labels.csv"}  # which is incomplete
 
 
 def test_imperial_dance_becomes_one_dance_per_choreography(tmp_path, program):
