@@ -209,7 +209,8 @@ class CropBatches(Dataset):
             plain = Cube(centre_m, self.model.half_size_m)
             ridge = ridge_probability(observation.depth_m, self.ridge) if channels > 1 else None
             rng = np.random.default_rng([self.seed, AUGMENT_STREAM, epoch, index])
-            depths_m.append(observation.depth_m)
+            if self.patches:
+                depths_m.append(observation.depth_m)
             for row in range(first * views, (first + 1) * views):
                 cube, view = (plain, PLAIN_VIEW) if self.augment is None else draw_view(rng, plain, self.augment)
                 batch.offset_m[row] = observation.joints_camera_m - centre_m

@@ -46,7 +46,7 @@ LEAST_LEVEL = 0.5
 
 CENTRED_M, TRUNK, LEAST_CENTRED_FRAMES = 0.005, 0.03, 2 * WINDOW_FRAMES
 """Joints are about the hips if in four seconds or more these stay within CENTRED_M and the unit direction of the trunk does not
-stay within TRUNK (root mean squares). Errors of joints by 1 cm move the trunk of somebody who stands still by up to 0.022; 40
+stay within TRUNK (root mean squares). Errors of joints by 1 cm move the trunk of a person who stands still by up to 0.022; 40
 composed dances move it by 0.05 or more, and no four seconds of them are so."""
 
 OF_THE_ROOM = ("place", "height")
@@ -115,7 +115,7 @@ class Stance(NamedTuple):
 
     @property
     def is_centred(self) -> bool:
-        """Whether the hips never move but the trunk does: nobody dances so, the joints are about the hips."""
+        """Whether the hips never move but the trunk does: no person dances so, the joints are about the hips."""
         known = np.isfinite(self.hips_m[:, 0]) & np.isfinite(self.trunk[:, 0])
         if known.sum() < LEAST_CENTRED_FRAMES:
             return False

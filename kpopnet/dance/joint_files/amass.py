@@ -45,7 +45,7 @@ def smpl_points(found: Mapping[str, np.ndarray], source: str) -> NamedPoints:
     root_m = found.get("trans", np.zeros((frames, 3)))
     offsets_m = offsets_of(np.array([MEAN_ADULT_M[name] for name in _JOINTS]), _PARENTS)
     positions_m = joint_positions(world_rotations(quats, _PARENTS), root_m, offsets_m, _PARENTS)
-    if "trans" not in found:  # then nobody knows where the body is: about the middle of the hips, as other such joints are
+    if "trans" not in found:  # the place is unknown: joints about the middle of the hips, as in other such files
         positions_m -= positions_m[:, 1:3].mean(axis=1, keepdims=True)
     rate = found.get("mocap_framerate", found.get("mocap_frame_rate"))
     numbers = {name: number for number, name in enumerate(_JOINTS)}
