@@ -120,9 +120,9 @@ def seen(path: Path, view: View) -> Film:
     rows = slice(0, int(30 * FINEST * view.seconds) + 1, FINEST // view.pace)
     depth_m, joints_m = stored["person"][rows].astype(np.float32) / 1e4, stored["joints_m"][rows].astype(float)
     if not view.ideal:
-        noise, box = FilmNoise((SEED, int(path.stem))), (0, 0, CAMERA.width, CAMERA.height)
+        noise = FilmNoise((SEED, int(path.stem)))
         clean = (CleanFrame(t, one, stored["room_m"], joints_m[t]) for t, one in enumerate(depth_m))
-        measured = [measure_frame(one, CAMERA, SENSORS["kinect_v1"], noise, box) for one in clean]
+        measured = [measure_frame(one, CAMERA, SENSORS["kinect_v1"], noise) for one in clean]
         if view.true_mask:
             depth_m = np.array([np.where(mask, image, np.float32(0)) for image, mask in measured])
         else:

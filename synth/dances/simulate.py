@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -36,7 +37,7 @@ from synth.samples.observe import MARGIN_PX
 from synth.scene.room import ViewConfig
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS, SensorConfig
-from synth.simulated.film import Studio, Take, measure_frame
+from synth.simulated.film import PERSON, Studio, Take, measure_surfaces, nearest_surfaces
 from synth.simulated.generator import SetGenerator, is_faulty
 from synth.simulated.sequences import HEADING_STD_DEG
 
@@ -114,6 +115,7 @@ class KpopSim(SetGenerator):
     """Makes the dances; holds one compiled scene. Labels are written last: a dance that has labels is finished."""
 
     part, finished_files, unfinished_files = "dance", f"*/{LABELS}", "dance_*/.*.tmp"
+    generator: ClassVar[int] = 4
     camera = CAMERA
 
     benchmark: KpopSimConfig = field(default_factory=KpopSimConfig)
@@ -213,13 +215,19 @@ class KpopSim(SetGenerator):
     def record(self, index: int, learner: int, take: Take, on_frame=lambda: None) -> tuple[PackedDepth, np.ndarray]:
         """A learner's recording, rendered, measured and segmented, and (T, 15, 3) float32 true joints, metres.
 
-        Only the person's box and a margin are measured. `on_frame` is called after each frame.
+        Nothing farther from the person than a margin is measured. `on_frame` is called after each frame.
         """
         packed, joints, noise = PackedDepth(CAMERA), [], FilmNoise(self._seed("noise", index, learner))
         for clean in self.studio.render(take, range(len(take.played))):
-            box = widened(silhouette_box(clean.person_m), MARGIN_PX, CAMERA)
-            depth_m, person = measure_frame(clean, CAMERA, self.sensor, noise, box)
-            packed.add(connected(np.where(person, depth_m, np.float32(0))), *box[:2])
+            x0, y0, x1, y1 = widened(silhouette_box(clean.person_m), MARGIN_PX, CAMERA)
+            near = slice(y0, y1), slice(x0, x1)
+            surfaces_m, labels = nearest_surfaces(clean.room_m, [clean.person_m])
+            measured = np.zeros_like(labels)
+            measured[near] = labels[near]
+            depth_m, seen = measure_surfaces(
+                (surfaces_m, measured), clean.number, clean.joints_camera_m, CAMERA, self.sensor, noise
+            )
+            packed.add(connected(np.where(seen == PERSON, depth_m, np.float32(0))[near]), x0, y0)
             joints.append(clean.joints_camera_m)
             on_frame()
         return packed, np.array(joints)

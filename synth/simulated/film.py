@@ -250,17 +250,13 @@ class Studio:
         self.scene.pose(played.local[number], played.hips_m[number] + place_m)
 
 
-def measure_frame(
-    clean: CleanFrame, camera: Camera, sensor: SensorConfig, noise: FilmNoise, box: tuple[int, int, int, int] | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Applies the sensor model to a clean frame, or to a part: x0, y0, x1, y1 of the box, pixels, the ends exclusive.
+def measure_frame(clean: CleanFrame, camera: Camera, sensor: SensorConfig, noise: FilmNoise) -> tuple[np.ndarray, np.ndarray]:
+    """Applies the sensor model to a clean frame.
 
-    (y1 - y0, x1 - x0) float32 depth in metres, 0 where nothing was measured, and bool, pixels that show the person.
+    (H, W) float32 depth in metres, 0 where nothing was measured, and bool, pixels that show the person.
     """
-    x0, y0, x1, y1 = box or (0, 0, camera.width, camera.height)
-    surfaces = nearest_surfaces(clean.room_m[y0:y1, x0:x1], [clean.person_m[y0:y1, x0:x1]])
-    cropped = camera.cropped(x0, y0, x1 - x0, y1 - y0)
-    depth_m, labels = measure_surfaces(surfaces, clean.number, clean.joints_camera_m, cropped, sensor, noise)
+    surfaces = nearest_surfaces(clean.room_m, [clean.person_m])
+    depth_m, labels = measure_surfaces(surfaces, clean.number, clean.joints_camera_m, camera, sensor, noise)
     return depth_m, labels == PERSON
 
 

@@ -16,6 +16,9 @@ from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig,
 from synth.dances.skill import LEVELS
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.recorded import open_clips
+from synth.sensor.film_noise import FilmNoise
+from synth.sensor.model import SENSORS
+from synth.simulated.film import measure_frame
 
 SHORT = KpopSim(KpopSimConfig(seed=4, dances=2), seconds=(0.8, 1.0))
 
@@ -81,6 +84,21 @@ def test_a_learners_depth_agrees_with_the_true_joints(written):
             # The wall and the floor are removed, except for a few flying pixels.
             measured_m = image[image > 0]
             assert np.mean(np.abs(measured_m - np.median(z)) > 1.3) < 0.002 and 1500 < len(measured_m) < 40_000
+
+
+@pytest.mark.parametrize("sensor", ["kinect_2", "kinect_v1"])
+def test_a_learner_is_measured_as_a_part_of_the_whole_image(sensor):
+    """What of the noise belongs to places in the image, its holes for instance, stays there when the person moves."""
+    maker = replace(SHORT, sensor=SENSORS[sensor])
+    take = maker.take(0, 0, maker.teacher_motion(0))
+    packed, _ = maker.record(0, 0, take)
+    noise, end = FilmNoise(maker._seed("noise", 0, 0)), 0
+    for clean, (x0, y0, x1, y1) in zip(maker.studio.render(take, range(len(take))), packed.boxes.tolist(), strict=True):
+        depth_m, person = measure_frame(clean, CAMERA, maker.sensor, noise)
+        recorded_mm, begin = np.zeros(depth_m.shape), end
+        end += (y1 - y0) * (x1 - x0)
+        recorded_mm[y0:y1, x0:x1] = packed.depth_mm[begin:end].reshape(y1 - y0, x1 - x0)
+        np.testing.assert_array_equal(recorded_mm, np.rint(connected(np.where(person, depth_m, np.float32(0))) * 1000))
 
 
 def test_only_connected_pixels_are_kept() -> None:
