@@ -20,8 +20,9 @@ MOMENTUM = 0.6
 COASTING_S = 1 / 6
 """A person is expected to keep their speed for this time, seconds: somebody hidden does not walk on for ever."""
 
-FORGOTTEN_S = 0.35
-"""A person who was missing for longer, seconds, may be found again anywhere; of several the one missing longest comes first."""
+FORGOTTEN_S, FASTEST_M_PER_S = 0.35, 6.0
+"""A person who was missing for longer, seconds, may be found again wherever this speed takes them, the camera's own included;
+of several the one missing longest comes first."""
 
 GONE_S = 60.0
 """A person who was missing for longer, seconds, comes after all others; of several the one missing shortest comes first."""
@@ -82,7 +83,11 @@ class Followed:
         self._time_s = time_s
         trusted = [track for track in self._tracks if time_s - track.certain_s < DOUBTED_S]
         doubted = [track for track in self._tracks if time_s - track.certain_s >= DOUBTED_S]
-        found = _paired(trusted, centres_m, range(len(centres_m)), time_s)
+        # Who was seen in the image before comes first, as in DeepSORT (Wojke et al. 2017): nobody who stands still is given to
+        # another detection so that somebody hidden gets theirs.
+        found = _paired([track for track in trusted if not track.hidden], centres_m, range(len(centres_m)), time_s)
+        left = [column for column in range(len(centres_m)) if column not in found]
+        found |= _paired([track for track in trusted if track.hidden], centres_m, left, time_s)
         certain_left = [column for column in np.flatnonzero(certain).tolist() if column not in found]
         found |= _paired(doubted, centres_m, certain_left, time_s)
         for column in certain_left:
@@ -98,7 +103,13 @@ class Followed:
     def _returned(self, centre_m: np.ndarray, time_s: float, found: dict[int, _Track]) -> _Track:
         """Who was found where no person was expected: of the missing by FORGOTTEN_S and GONE_S, or a new one."""
         present = {track.identity for track in found.values()}
-        missing = [one for one in self._tracks if time_s - one.seen_s > FORGOTTEN_S and one.identity not in present]
+        missing = [
+            one
+            for one in self._tracks
+            if time_s - one.seen_s > FORGOTTEN_S
+            and one.identity not in present
+            and math.dist(one.centre_m, centre_m) < STEP_M + FASTEST_M_PER_S * (time_s - one.seen_s)
+        ]
         if missing:
             lately = [track for track in missing if time_s - track.seen_s < GONE_S]
             return min(lately, key=lambda track: track.seen_s) if lately else max(missing, key=lambda track: track.seen_s)

@@ -115,3 +115,22 @@ def test_people_who_move_while_the_images_stall_are_still_the_same():
     assert [followed.identify(places_m, certain, time_s) for time_s in (0.0, 0.03)] == [[0, 1]] * 2
     moved_m = places_m + np.array([[0.3, 0.5, 0.5], [-0.5, 0, 0.3]], np.float32)
     assert followed.identify(moved_m[::-1], certain, 1.63) == [1, 0]
+
+
+def test_who_stands_still_keeps_their_identity_whatever_appears_beside_them():
+    """Nor is an uncertain detection beside them taken for them so that somebody hidden gets their place."""
+    followed, certain = Followed(), np.ones(2, bool)
+    stands, other, between = ((x, 0, 3) for x in (0.0, 1.25, -0.4))
+    for image in range(10):
+        assert followed.identify(np.array([stands, other]), certain, image / 30) == [0, 1]
+    for image in range(10, 40):
+        assert followed.identify(np.array([stands]), certain[:1], image / 30) == [0]
+    assert followed.identify(np.array([stands, between]), np.array([True, False]), 40 / 30) == [0, UNKNOWN]
+    assert followed.identify(np.array([stands]), certain[:1], 41 / 30) == [0]
+
+
+def test_nobody_is_found_again_farther_away_than_people_get():
+    away = 15  # images: half a second
+    near, far = (walk([(0, 0, 3)] * 10 + [None] * (away + 5), [None] * (10 + away) + [(x, 0, 3)] * 5) for x in (3.0, 4.0))
+    assert near[-1][1] == near[0][0]
+    assert far[-1][1] != far[0][0]
