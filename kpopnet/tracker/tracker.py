@@ -16,7 +16,7 @@ from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, NUM_JOINTS
 from kpopnet.tracker.body_estimate import DETECTION_PRIOR_WEIGHT, BodyEstimate
 from kpopnet.tracker.confidence import TRACKED_WEIGHTS, fit_score, probability, tracked_evidence
-from kpopnet.tracker.fit import fit, pose_cost
+from kpopnet.tracker.fit import MAX_ASSOCIATION_M, fit, pose_cost
 from kpopnet.tracker.limbs import refit_limbs, swap_crossed_limbs
 from kpopnet.tracker.start import find_start
 
@@ -64,6 +64,7 @@ class State(NamedTuple):
     """What one frame leaves to the next."""
 
     joints_m: np.ndarray  # (15, 3) the pose in the camera frame
+    middle_m: np.ndarray  # (3,) median of the points of the last frame that was not held
     step_m: np.ndarray  # (15, 3) how the joints moved from the frame before
     visible_px: float = 0.0  # visible area of the last frame that was not held
     baseline_cost_m2: float = 0.0  # what good poses of this person cost, square metres
@@ -113,7 +114,7 @@ class Tracker:
         """Starts from (15, 3) joints with the person's lengths; a model that the tracker was given counts instead."""
         self.model = self._known_model or model
         self._person = BodyEstimate(self.model)
-        self.state = State(joints_m, np.zeros_like(joints_m), baseline_cost_m2=BASELINE_COST_M2)
+        self.state = State(joints_m, joints_m.mean(axis=0), np.zeros_like(joints_m), baseline_cost_m2=BASELINE_COST_M2)
         self._empty_frames = 0
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -135,6 +136,7 @@ class Tracker:
         if _visible_px(grid) < DROPOUT_RATIO * last.visible_px:
             self.state = last._replace(step_m=np.zeros_like(last.step_m), visible_px=DROPOUT_DECAY * last.visible_px)
             return self._joints_and_confidence(grid)
+        last = self.state = _brought(last, np.median(grid.points_m, axis=0))
         body, stride = self.body, max(1, len(grid.points_m) // SUBSAMPLE_POINTS)
 
         expected_m = last.joints_m + VELOCITY_DAMPING * np.clip(last.step_m, -MAX_STEP_M, MAX_STEP_M)
@@ -182,7 +184,7 @@ class Tracker:
             evidence = max(evidence + min(gain, FLIP_CLIP), 0.0)
             if evidence > FLIP_THRESHOLD:
                 joints_m, evidence = mirrored_m, 0.0
-        return State(joints_m, joints_m - last.joints_m, _visible_px(grid), baseline_m2, evidence)
+        return State(joints_m, last.middle_m, joints_m - last.joints_m, _visible_px(grid), baseline_m2, evidence)
 
     def _detected(self, depth_m: np.ndarray, grid: DepthGrid) -> np.ndarray | None:
         """(15, 3) the detector's pose, fitted; None with missing joints."""
@@ -190,6 +192,16 @@ class Tracker:
         if not np.isfinite(joints_m).all():
             return None
         return fit(joints_m, grid, self.body, FINAL_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
+
+
+def _brought(last: State, middle_m: np.ndarray) -> State:
+    """The last state before a frame whose points have the median (3,) `middle_m`; its pose is moved to points out of its reach:
+    somebody who was hidden comes back elsewhere, or images are missing.
+    """
+    moved_m = middle_m - last.middle_m
+    if np.linalg.norm(moved_m) <= MAX_ASSOCIATION_M:
+        return last._replace(middle_m=middle_m)
+    return last._replace(joints_m=last.joints_m + moved_m, middle_m=middle_m, step_m=np.zeros_like(last.step_m))
 
 
 def _visible_px(grid: DepthGrid) -> float:

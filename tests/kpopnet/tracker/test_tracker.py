@@ -139,6 +139,18 @@ def test_a_person_who_leaves_and_returns_is_tracked_again(dancer) -> None:
     assert np.isfinite(found[14:]).all() and error_m(found[-1], back[-1]).mean() < 0.05
 
 
+@pytest.mark.parametrize("away", [0, 12], ids=["images missing", "hidden"])
+@pytest.mark.parametrize("aside_m", [0.5, 0.7, 1.2])
+def test_who_comes_back_out_of_reach_of_the_last_pose_is_tracked_there(aside_m: float, away: int) -> None:
+    """Also when the next person takes their place: points too far from every part move nothing, whatever the confidence."""
+    first = cone_joints(-50, 8, place_m=(-0.6, 0, PLACE_M[2]))
+    back = first + np.array((aside_m, 0, 0))
+    shown = [filmed(np.repeat(joints[None], 6, axis=0), CAMERA) for joints in (first, back)]
+    found, confidence = tracked(np.concatenate([shown[0], np.repeat(EMPTY[None], away, axis=0), shown[1]]), first)
+    errors_m = error_m(found[-6:], back).mean(axis=-1)
+    assert errors_m.max() < 0.05 and confidence[-1].mean() > 0.8
+
+
 def test_who_comes_after_a_second_without_a_person_is_found_anew() -> None:
     """A sensor that fails, or a person who leaves: the next start is looked for as the first one was."""
     first = cone_joints(-66, 4)
