@@ -26,8 +26,9 @@ EXTRAPOLATED = 2
 SURE_S, LENGTH_S = 0.3, 3.0
 """Time constants of the averages that are weighted by confidence: of positions and of bone lengths."""
 
-FORGET_S = 0.5
-"""After a longer gap a person starts again."""
+FORGET_S, ANOTHER_AFTER_S = 0.5, 10.0
+"""After a longer gap, seconds, a person starts again; after an absence of the second it may be another person, whose lengths
+are measured anew."""
 
 POINTS = NUM_JOINTS + 1
 BASES = len(TIME_CONSTANTS_S) + EXTRAPOLATED + 3
@@ -112,7 +113,7 @@ class Averages:
         bones_m = joints_m[..., CHILDREN, :] - joints_m[..., PARENTS, :]
         lengths_m = np.maximum(np.linalg.norm(bones_m, axis=-1, keepdims=True), SHORTEST_M)
         weight = (chance[..., CHILDREN] * chance[..., PARENTS])[..., None] ** 4 + 1e-3
-        kept = np.exp(-np.minimum(step_s, FORGET_S) / LENGTH_S)[..., None, None]
+        kept = np.where(step_s > ANOTHER_AFTER_S, 0.0, np.exp(-np.minimum(step_s, FORGET_S) / LENGTH_S))[..., None, None]
         self._length = kept * self._length + weight * lengths_m
         self._length_weight = kept * self._length_weight + weight
         found = np.zeros((*joints_m.shape[:-2], POINTS, 3))
@@ -196,7 +197,7 @@ def read(measured: Measured, times_s: np.ndarray, future: bool) -> tuple[np.ndar
 
     Before a time that is before the one before it, people start again.
     """
-    gap_s, steps_s = np.full_like(times_s[:1], 2 * FORGET_S), np.diff(times_s, axis=0)
+    gap_s, steps_s = np.full_like(times_s[:1], np.inf), np.diff(times_s, axis=0)
     steps_s = np.where(steps_s < 0, gap_s, steps_s)
     points_m, differences_m, seen = _one_way(measured, np.concatenate([gap_s, steps_s]))
     if not future:

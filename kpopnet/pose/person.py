@@ -16,7 +16,7 @@ from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import check_one_of
 from kpopnet.estimator import Estimate, Estimator
 from kpopnet.human import Human
-from kpopnet.networks.over_time import Live, Measured, OverTime, read
+from kpopnet.networks.over_time import ANOTHER_AFTER_S, Live, Measured, OverTime, read
 from kpopnet.skeleton import MIRROR
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
@@ -53,10 +53,6 @@ def _over_time(sees_future: bool) -> OverTime:
     return OverTime.load(shipped_over_time(sees_future))
 
 
-ANOTHER_AFTER_S = 10.0
-"""After an absence of this time, seconds, an identity may be another person: the body is measured anew."""
-
-
 class DetectedPerson:
     """One person's joints in successive frames by a network; a frame's joints depend on it and on those before it."""
 
@@ -66,7 +62,7 @@ class DetectedPerson:
 
     def see(self, human: Human, time_s: float) -> Pose | None:
         """The pose of the extracted person in the next image, taken at `time_s`; None where it is not known."""
-        if time_s - self._seen_s > ANOTHER_AFTER_S:
+        if not 0 <= time_s - self._seen_s <= ANOTHER_AFTER_S:
             self._body = BodyEstimate()
         self._seen_s = time_s
         return self.update(human.depth_m, human.cropped(self.camera), time_s)
@@ -124,7 +120,7 @@ class PersonEstimator:
     """Implements kpopnet.estimator.Estimator by a mode of MODES.
 
     Attributes:
-        fps: frames per second of the next recording; 0: its frames are stills, each of which is looked at alone.
+        fps: frames per second of the next recording.
     """
 
     def __init__(self, network: Estimator, mode: str, fps: float = 30.0) -> None:
@@ -136,13 +132,7 @@ class PersonEstimator:
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
-        if not self.fps:
-            alone = [self._film(depth_m[[frame]], camera, np.zeros(1)) for frame in range(len(depth_m))]
-            return Estimate(*map(np.concatenate, zip(*alone, strict=True))) if alone else Estimate.missing(0)
-        return self._film(depth_m, camera, np.arange(len(depth_m)) / self.fps)
-
-    def _film(self, depth_m: np.ndarray, camera: Camera, times_s: np.ndarray) -> Estimate:
-        person = DetectedPerson(camera, self.estimator, MODES[self.name])
+        person, times_s = DetectedPerson(camera, self.estimator, MODES[self.name]), np.arange(len(depth_m)) / self.fps
         return joined([person.update(*frame) for frame in zip(depth_m, repeat(camera), times_s)], times_s, self.sees_future)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kpopnet.networks.over_time import BASES, FEATURES, KINDS, Averages, Live, Measured, OverTime, read
+from kpopnet.networks.over_time import ANOTHER_AFTER_S, BASES, FEATURES, KINDS, Averages, Live, Measured, OverTime, read
 from kpopnet.skeleton import MIRROR
 from kpopnet.training.over_time import OverTimeTraining, train_over_time
 
@@ -109,3 +109,19 @@ def test_a_training_repeats_and_learns_to_smooth():
     error_m, before_m = (np.linalg.norm(one - unseen["true_m"], axis=-1)[5:].mean() for one in (joints_m, mean_m))
     assert error_m < 0.85 * before_m
     assert ((confidence > 0) & (confidence < 1)).all()
+
+
+def test_after_a_long_absence_the_lengths_are_those_of_another_person():
+    one, network = measured_in(film(3)), drawn()
+    child = Measured(0.65 * one.detected_m, 0.65 * one.fitted_m, *one[2:])
+    for away_s, is_forgotten in ((ANOTHER_AFTER_S + 1, True), (ANOTHER_AFTER_S - 1, False), (-60.0, True)):
+        alone, after = Live(network), Live(network)
+        for number in range(30):
+            after.update(frame(child, number), number / 30)
+        first_s = 29 / 30 + away_s
+        found = [live.update(frame(one, 0), first_s)[0] for live in (alone, after)]
+        assert np.array_equal(*found) is is_forgotten
+        both = Measured(*(np.concatenate([a[:30], b[:30]]) for a, b in zip(child, one, strict=True)))
+        times_s = np.concatenate([np.arange(30) / 30, first_s + np.arange(30) / 30])
+        whole = read(both, times_s, future=True)
+        assert np.allclose(whole[1][30:], read(Measured(*(a[:30] for a in one)), times_s[30:], future=True)[1]) is is_forgotten
