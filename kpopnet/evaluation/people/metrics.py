@@ -3,7 +3,7 @@
 An estimate is taken for a person whose centre, the mean of the joints found, is within CENTRE_M of its own, one for one. A
 person keeps the identity of the frame before as long as it is that near; the others are matched such that the sum of distances
 is least. A person is judged where at least half of the body shows (`sight`). Estimates within NEAR_M of other people, of whom
-less shows or who are behind others, count as neither right nor wrong. In an image that shows nobody every estimate is false.
+less shows or who are behind others, count as neither right nor wrong. All others are false.
 
 MOTA is that of CLEAR MOT: Bernardin & Stiefelhagen, "Evaluating Multiple Object Tracking Performance", EURASIP Journal on Image
 and Video Processing 2008.
@@ -92,11 +92,13 @@ def match(sequence: StoredSequence, estimates_m: np.ndarray, identities: np.ndar
     seen, hidden = sight(sequence)
     identity, errors_m = np.full(seen.shape, NOBODY), np.full((*seen.shape, NUM_JOINTS), np.inf)
     false = np.zeros(len(seen), int)
-    empty = (np.asarray(sequence.seen_px) == 0).all(axis=1)
+    shows = np.asarray(sequence.seen_px) > 0
+    empty, others = ~shows.any(axis=1), ~seen & (shows | hidden)
     matched: dict[int, int] = {}
     for frame in range(len(seen)):
         found = np.isfinite(estimates_m[:, frame]).any(axis=(1, 2))
-        matched = {} if empty[frame] else _match_frame(truth_m[frame], seen[frame], estimates_m[:, frame], found, matched)
+        people = seen[frame], others[frame]
+        matched = {} if empty[frame] else _match_frame(truth_m[frame], people, estimates_m[:, frame], found, matched)
         for person, one in matched.items():
             identity[frame, person] = identities[one]
             errors_m[frame, person] = joint_errors_m(truth_m[frame, person], estimates_m[one, frame])
@@ -106,19 +108,23 @@ def match(sequence: StoredSequence, estimates_m: np.ndarray, identities: np.ndar
 
 
 def _match_frame(
-    truth_m: np.ndarray, seen: np.ndarray, estimates_m: np.ndarray, found: np.ndarray, before: dict[int, int]
+    truth_m: np.ndarray,
+    people: tuple[np.ndarray, np.ndarray],
+    estimates_m: np.ndarray,
+    found: np.ndarray,
+    before: dict[int, int],
 ) -> dict[int, int]:
     """Number of the estimate of each person who has one in a frame; `before` is the result for the frame before.
 
-    Of the (P, 15, 3) true joints (P,) `seen` says who is judged and chooses first, of the (E, 15, 3) estimates (E,) `found`
-    which have a joint.
+    Of the (P, 15, 3) true joints two of (P,) bool in `people` say who is judged and chooses first, and who else is in view; of
+    the (E, 15, 3) estimates (E,) `found` which have a joint.
     """
     apart_m = np.full((len(truth_m), len(estimates_m)), np.inf)
     apart_m[:, found] = np.linalg.norm(np.nanmean(truth_m[:, None] - estimates_m[None, found], axis=2), axis=-1)
     matched: dict[int, int] = {}
-    for people, reach_m in ((seen, CENTRE_M), (~seen, NEAR_M)):
+    for choosing, reach_m in zip(people, (CENTRE_M, NEAR_M), strict=True):
         free = np.isin(np.arange(len(estimates_m)), list(matched.values()), invert=True)
-        cost = np.where(people[:, None] & free & (apart_m < reach_m), apart_m, 1e3)
+        cost = np.where(choosing[:, None] & free & (apart_m < reach_m), apart_m, 1e3)
         for person, one in before.items():
             if cost[person, one] < reach_m:
                 cost[person, one] = -1e6  # kept whatever it costs the others

@@ -83,6 +83,10 @@ def test_hidden_people_and_those_at_the_border_are_neither_missed_nor_false(trut
     leaving[4:, 1] += np.float32((5, 0, 0))
     one = figures([matched(leaving, leaving)], 0)
     assert (one["seen"], one["hidden"], one["false"]) == (14, 0, 0)
+    seen_px[:] = 100
+    seen_px[4:, 1] = 0
+    one = figures([matched(leaving, leaving, seen_px)], 0)  # what is found where nothing of the person shows is false
+    assert (one["seen"], one["hidden"], one["false"]) == (14, 0, 6)
 
 
 def test_everybody_found_in_an_image_that_shows_nobody_is_false(truth_m: np.ndarray) -> None:
