@@ -2,13 +2,15 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from kpopnet.camera import Camera
 from kpopnet.datasets.protocol import Benchmark, evenly_spaced
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimator, first_label, starts_from_label
+from kpopnet.estimator import Estimate, Estimator, Start, first_label, starts_from_label
 from kpopnet.evaluation import engine
 from kpopnet.evaluation.engine import Timed, device_of, stage
 from kpopnet.evaluation.poses.causes import missed_by_cause
@@ -40,7 +42,7 @@ class SequenceEstimation:
     extraction: Any = DEFAULT_EXTRACTION
 
     def __post_init__(self) -> None:
-        self._timed = {label: Timed(one.estimate, device_of(one)) for label, one in self.estimators.items()}
+        self._timed = {label: Timed(partial(_estimated, one), device_of(one)) for label, one in self.estimators.items()}
         self._extract = Timed(extract_person)
 
     def __call__(self, name: str) -> EstimatedSequence:
@@ -58,15 +60,24 @@ class SequenceEstimation:
         results, seconds, without_labels = {}, {}, {}
         for label, estimator in self.estimators.items():
             with stage(label):
-                if isinstance(estimator, PersonEstimator) and sequence.fps is not None:
-                    estimator.fps = sequence.fps
+                if isinstance(estimator, PersonEstimator):
+                    estimator.fps = sequence.fps or 30.0
                 start = {"start": first_label(truth_m)} if starts_from_label(estimator) else {}
-                (joints_m, confidence), seconds[label] = self._timed[label](depth_m, camera, **start)
+                stills = sequence.fps == 0
+                (joints_m, confidence), seconds[label] = self._timed[label](depth_m, camera, stills=stills, **start)
             given = np.arange(frames) == (start["start"].frame if start else -1)
             if sequence.fps:
                 without_labels[label] = label_free(joints_m, depth_m, camera, sequence.fps)
             results[label] = PoseResults(truth_m, joints_m, confidence, sequence.visible, yaw_rad, given, *names)
         return EstimatedSequence(results, seconds, without_labels, extraction_seconds, int((~depth_m.any(axis=(1, 2))).sum()))
+
+
+def _estimated(estimator: Estimator, depth_m: np.ndarray, camera: Camera, stills: bool, **start: Start) -> Estimate:
+    """The joints in a film; in stills of other moments those of each alone, but where the estimator needs the first label."""
+    if not stills or start:
+        return estimator.estimate(depth_m, camera, **start)
+    alone = [estimator.estimate(depth_m[[frame]], camera) for frame in range(len(depth_m))]
+    return Estimate(*map(np.concatenate, zip(*alone, strict=True)))
 
 
 class Resampled(NamedTuple):

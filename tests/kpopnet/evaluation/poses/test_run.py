@@ -49,9 +49,16 @@ def test_estimates_do_not_depend_on_the_number_of_processes(tmp_path):
 
 def test_a_mode_of_films_is_told_the_rate_of_each_recording():
     estimator = PersonEstimator(Off(), "realtime")
-    for fps, told in ((25.0, 25.0), (0.0, 0.0), (None, 0.0)):
+    for fps, told in ((25.0, 25.0), (0.0, 30.0), (25.0, 25.0), (None, 30.0)):
         run_benchmark(Films(fps=fps), {"realtime": estimator}, sequences=1)
         assert estimator.fps == told
+
+
+def test_stills_are_estimated_one_by_one_whatever_the_estimator():
+    """A fit or a tracker that knew the person from other stills would be compared with a network that does not."""
+    for fps, most in ((0.0, 1), (30.0, FRAMES)):
+        run_benchmark(Films(fps=fps), {"off": (off := Off())}, sequences=1)
+        assert max(len(given) for given in off.given) == most
 
 
 def test_an_estimator_that_starts_from_a_label_gets_the_first_and_is_not_scored_there():
