@@ -4,6 +4,7 @@ import logging
 from collections import Counter
 from collections.abc import Iterable
 from itertools import islice
+from numbers import Integral
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,6 +57,8 @@ class PoseEstimator:
             InputError: an unknown mode, or fewer than one person or more than MAX_PEOPLE.
         """
         check_one_of("mode", mode, MODES)
+        if not isinstance(people, Integral):
+            raise InputError(f"people: expected a whole number, got {people!r}")
         check_between("people", people, 1, MAX_PEOPLE)
         self.network, self.mode, self.people, self.extraction = network, mode, people, extraction
         self.reset()
@@ -97,6 +100,8 @@ class PoseEstimator:
         Raises:
             InputError: depth of another type or size; floats that look like millimetres; a time that is no finite number.
         """
+        if time_s is not None:
+            _check_time(time_s)
         found = self._found(depth, camera, self.people, time_s)
         return [PersonPose(identity, pose.joints_camera_m, pose.confidence) for identity, pose in found.items()]
 
@@ -131,6 +136,7 @@ class PoseEstimator:
         try:
             for one in depth:
                 time_s, image = one if isinstance(one, TimedDepth) else (len(frames) / fps, one)
+                _check_time(time_s)
                 times_s.append(time_s)
                 frames.append(
                     self._segmented(image, camera, time_s) if segmented else self._found(image, camera, MAX_PEOPLE, time_s)
@@ -148,8 +154,6 @@ class PoseEstimator:
         ]
 
     def _found(self, depth: np.ndarray, camera: Camera, most: int, time_s: float | None) -> dict[int, Pose]:
-        if time_s is not None:
-            check_between("time_s", time_s, -LATEST_S, LATEST_S)
         depth_m, camera = _needed_image(depth, camera)
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()
@@ -175,6 +179,10 @@ class PoseEstimator:
             mode = MODES[self.mode]
             self._people[identity] = DetectedPerson(camera, self.network, mode) if mode.network else TrackedPerson(camera)
         return self._people[identity]
+
+
+def _check_time(time_s: float) -> None:
+    check_between("time_s", time_s, -LATEST_S, LATEST_S)
 
 
 def _needed_image(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:

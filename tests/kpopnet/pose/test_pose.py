@@ -18,6 +18,7 @@ from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
 from kpopnet.pose.person import MODES, DetectedPerson, PersonEstimator
 from kpopnet.skeleton import MIRROR
+from kpopnet.sources.source import TimedDepth
 from kpopnet.tracker.estimator import TrackerEstimator
 from kpopnet.tracker.refine import FittedEstimator
 
@@ -90,6 +91,9 @@ def test_a_refused_image_or_time_leaves_nothing_behind():
     poses, fresh = PoseEstimator(Blob()), PoseEstimator(Blob())
     with pytest.raises(InputError):
         poses.estimate([*frames[3:], np.zeros((2, 2, 2), np.float32)], ROOM_CAMERA)
+    for segmented in (False, True):
+        with pytest.raises(InputError, match="time_s"):
+            poses.estimate([TimedDepth(np.nan, frames[3])], ROOM_CAMERA, segmented=segmented)
     for frame in frames[:3]:
         for time_s in (np.nan, np.inf, "1"):
             with pytest.raises(InputError, match="time_s"):
@@ -111,7 +115,7 @@ def test_large_images_are_reduced_before_anything_looks_at_them():
 
 
 def test_wrong_settings_are_refused_by_name():
-    for wrong in ({"mode": "fast"}, {"people": 17}):
+    for wrong in ({"mode": "fast"}, {"people": 17}, {"people": 1.5}):
         with pytest.raises(InputError, match=next(iter(wrong))):
             PoseEstimator(Blob(), **wrong)
 
@@ -203,14 +207,6 @@ def test_whoever_is_beyond_the_number_of_people_is_missed_meanwhile(monkeypatch)
     estimator = PoseEstimator(Blob(), people=1)
     seen = [[one.identity for one in estimator.update(person(20), CAMERA)] for _ in range(3)]
     assert seen == [[1], [0], [1]] and len(missed) == 2  # the second, then the first
-
-
-def test_stills_are_looked_at_one_by_one():
-    stills = np.stack([person(column) for column in (20, 45, 5)])
-    for mode in ("realtime", "best"):
-        found = PersonEstimator(Blob(), mode, fps=0).estimate(stills, CAMERA)
-        alone = [PersonEstimator(Blob(), mode).estimate(one[None], CAMERA).joints_camera_m[0] for one in stills]
-        np.testing.assert_array_equal(found.joints_camera_m, alone)
 
 
 def test_only_best_sees_the_future_and_both_take_the_times_of_the_images():
