@@ -19,18 +19,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 from scipy.optimize import least_squares, minimize
 from tqdm import tqdm
 
 from kpopnet.dance.dtw import PathDistances, distances_on_path
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.noise.steady import PART_OF_SEGMENT, SEGMENTS, steady_squared
-from kpopnet.dance.noise.table import CERTAIN, NOISE, TABLE, EstimatorNoise, doubt, known_noise
+from kpopnet.dance.noise.table import NOISE, TABLE, EstimatorNoise, doubt, known_noise
 from kpopnet.dance.parts import CONTEXT_FRAMES, HOP_FRAMES
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, TimeGrid, score_dance
-from kpopnet.dance.window import PARTS, WINDOW_FRAMES, part_of_angles
+from kpopnet.dance.window import PARTS, WINDOW_FRAMES, or_nan, part_of_angles
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
@@ -59,11 +58,12 @@ class Seen(NamedTuple):
 
 
 class Own(NamedTuple):
-    """A learner's estimated joints compared with their own true ones: frame by frame, and in N windows."""
+    """A learner's estimated joints compared with their own true ones: frame by frame, and in N windows of P parts."""
 
     distances: PathDistances
-    steady_rad2: np.ndarray  # (N, S) `steady_squared`
-    doubt: np.ndarray  # (N, S) of each segment's part
+    kept: np.ndarray  # (N, P) mean similarity of the frames that show the part; NaN where none does
+    doubt: np.ndarray  # (N, P) as the score has it
+    steady_rad2: np.ndarray  # (N, S) `steady_squared` of each segment
 
 
 class Scored(NamedTuple):
@@ -116,11 +116,15 @@ def own_errors(seen: Seen) -> Own:
     estimated = grid.features(*grid.resampled(seen.estimated, grid.frames))
     frames, parts = np.arange(len(estimated.angles_rad)), part_of_angles(CONFIG.feature)
     distances = distances_on_path(np.stack([frames, np.zeros_like(frames)], axis=1), estimated, grid.teacher, 0, parts)
-    steady, unsure = [], []
+    shown = (distances.taught > 0) & (distances.seen == 1)
+    similarity = np.where(shown, CONFIG.posture(distances.squared[:, 1]), 0.0)
+    kept, unsure, steady = [], [], []
     for stop in range(WINDOW_FRAMES, len(frames) + 1, HOP_FRAMES):
-        steady.append(steady_squared(*(one.angles_rad[stop - WINDOW_FRAMES : stop] for one in (estimated, grid.teacher))))
-        unsure.append(doubt(distances.confidence[max(stop - CONTEXT_FRAMES, 0) : stop])[PART_OF_SEGMENT])
-    return Own(distances, np.array(steady), np.array(unsure))
+        rows = slice(stop - WINDOW_FRAMES, stop)
+        kept.append(similarity[rows].sum(axis=0) / or_nan(shown[rows].sum(axis=0)))
+        unsure.append(doubt(distances.confidence[max(stop - CONTEXT_FRAMES, 0) : stop]))
+        steady.append(steady_squared(*(one.angles_rad[rows] for one in (estimated, grid.teacher))))
+    return Own(distances, np.array(kept), np.array(unsure), np.array(steady))
 
 
 def measured(errors: Sequence[Own]) -> EstimatorNoise:
@@ -130,18 +134,15 @@ def measured(errors: Sequence[Own]) -> EstimatorNoise:
     mean = (np.nan_to_num(signed) ** 2 * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-9)
     names = FEATURES[CONFIG.feature].names
     std_rad = {name: round(float(np.sqrt(one)), 3) for name, one in zip(names, mean, strict=True)}
-    squared = np.concatenate([one.squared[:, 1] for one in own])
-    seen, taught = (np.concatenate([getattr(one, name) for one in own]) for name in ("seen", "taught"))
-    doubts = np.concatenate([np.exp(_over_context(np.log(1 - one.confidence + CERTAIN))) for one in own])
+    kept, unsure, steady_rad2 = (np.concatenate([getattr(one, name) for one in errors]) for name in Own._fields[1:])
     loss = {}
     for kind in KINDS:
         parts = [part for part, name in enumerate(PARTS) if name.endswith(kind)]
-        use = (taught[:, parts] > 0) & (seen[:, parts] == 1)
-        unsure, kept = doubts[:, parts][use], CONFIG.posture(squared[:, parts][use])
-        fitted = least_squares(_missing_kept, (0.0, 0.5), bounds=((-9, 0), (6, 3)), args=(unsure, kept)).x
+        known = np.isfinite(kept[:, parts])
+        windows = unsure[:, parts][known], kept[:, parts][known]
+        fitted = least_squares(_missing_kept, (0.0, 0.5), bounds=((-9, 0), (6, 3)), args=windows).x
         loss[kind] = (round(float(np.exp(fitted[0])), 3), round(float(fitted[1]), 3))
-    steady_rad2, unsure = (np.concatenate([getattr(one, name) for one in errors]) for name in ("steady_rad2", "doubt"))
-    return EstimatorNoise(std_rad, loss, 1.0, _steady(steady_rad2, unsure))
+    return EstimatorNoise(std_rad, loss, 1.0, _steady(steady_rad2, unsure[:, PART_OF_SEGMENT]))
 
 
 def _steady(steady_rad2: np.ndarray, unsure: np.ndarray) -> dict[str, tuple[float, float]]:
@@ -160,10 +161,6 @@ def _steady(steady_rad2: np.ndarray, unsure: np.ndarray) -> dict[str, tuple[floa
 def _deviance(parameters: np.ndarray, squared: np.ndarray, log_doubt: np.ndarray) -> float:
     log_mean = 2 * (parameters[0] + parameters[1] * log_doubt)
     return float(np.mean(squared * np.exp(-log_mean) + log_mean))
-
-
-def _over_context(values: np.ndarray) -> np.ndarray:
-    return uniform_filter1d(values, CONTEXT_FRAMES, axis=0, mode="nearest")
 
 
 def _missing_kept(logarithmic: np.ndarray, unsure: np.ndarray, kept: np.ndarray) -> np.ndarray:
