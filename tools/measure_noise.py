@@ -256,7 +256,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     scores = scored_by_others(learners)
     width = round(spread(scores), 3)
     noise = measured([own_errors(one) for one in learners])._replace(spread=width)
-    print(summary(learners, [one._replace(uncertainty=width * one.uncertainty) for one in scores]))
+    scores = [one._replace(uncertainty=width * one.uncertainty) for one in scores]
+    for folder in given.folders if len(given.folders) > 1 else ():
+        of_it = [number for number, one in enumerate(learners) if one.dance.startswith(f"{folder.name}/")]
+        print(f"{folder}: {summary([learners[k] for k in of_it], [scores[k] for k in of_it])}")
+    print(summary(learners, scores))
     print(json.dumps({given.estimator: noise._asdict()}))
     if given.write:
         enter(given.estimator, noise)
