@@ -303,9 +303,7 @@ class PageLessons(Page):
         if result.get("total") is None:
             return {}
         try:
-            if result["who"]:
-                self._profiles.profile(result["who"])
-            return {"session": await asyncio.to_thread(self._teaching.tries.save, result, arrays)}
+            return {"session": await asyncio.to_thread(self._profiles.keep, result, arrays)}
         except InputError as error:  # the profile was deleted meanwhile
             return {"not_saved": keyed(Said("this try was not saved: {reason}", reason=error.said))}
         except OSError as error:

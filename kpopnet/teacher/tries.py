@@ -15,13 +15,19 @@ import numpy as np
 
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_path, claim
+from kpopnet.runtime.atomic_write import atomic_path, claim, remove_unfinished
 from kpopnet.runtime.input_files import ArraySchema, expect, read_json, read_npz
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.teacher.library import IDENTITY
 
 NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9]{3}")
 MOST_IN_HISTORY = 200
+SUFFIXES = (".npz", ".mp4", ".json")
+"""Of the files of a try; the result, which says whose it is, is the last to go."""
+
+SAVING_S = 60.0
+"""Longest time from a try's joints to its result, while it is saved."""
+
 JOINTS = {
     "joints_m": ArraySchema("f", ("frames", NUM_JOINTS, 3)),
     "times_s": ArraySchema("f", ("frames",)),
@@ -42,11 +48,30 @@ class Tries:
         place.mkdir(parents=True, exist_ok=True)
         while not claim(place / f"{(name := datetime.now().strftime('%Y%m%d-%H%M%S-%f')[:-3])}.npz"):
             time.sleep(0.002)
-        with atomic_path(place / f"{name}.npz") as part, part.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-        with atomic_path(place / f"{name}.json") as part:
-            part.write_text(json.dumps(result | {"session": name}, allow_nan=False, ensure_ascii=False), encoding="utf-8")
+        try:
+            with atomic_path(place / f"{name}.npz") as part, part.open("wb") as file:
+                np.savez_compressed(file, **arrays)
+            with atomic_path(place / f"{name}.json") as part:
+                part.write_text(json.dumps(result | {"session": name}, allow_nan=False, ensure_ascii=False), encoding="utf-8")
+        except BaseException:  # nobody could delete joints without a result
+            (place / f"{name}.npz").unlink(missing_ok=True)
+            raise
         return name
+
+    def remove(self, dance: str, name: str) -> None:
+        """Deletes a try: its joints, its film, also half a one, and last its result, which says whose it is."""
+        result = self.path(dance, name, "json")
+        for path in (*result.parent.glob(f".{name}.*"), *map(result.with_suffix, SUFFIXES)):
+            path.unlink(missing_ok=True)
+
+    def remove_unfinished(self) -> None:
+        """Deletes what killed programs left: hidden files, and joints whose result never came, of which nobody knows whose."""
+        for dance in self.dances():
+            remove_unfinished(self.folder / dance)
+            for path in (self.folder / dance).glob("*.npz"):
+                with contextlib.suppress(FileNotFoundError):  # a try that could not be saved
+                    if not path.with_suffix(".json").exists() and time.time() - path.stat().st_mtime > SAVING_S:
+                        path.unlink()
 
     def history(self, dance: str, who: str = "") -> list[dict]:
         """The latest tries of a dance by a profile, "" for those of none, the newest first: their dance, name, total, speed,
@@ -65,12 +90,9 @@ class Tries:
         """The dances that were tried."""
         return sorted(path.name for path in self.folder.glob("*") if IDENTITY.fullmatch(path.name))
 
-    def files(self, who: str) -> Iterator[Path]:
-        """Every file of the tries of a profile; a try's result, which says whose it is, after its other files."""
-        for dance in self.dances():
-            for one in self._results(dance, who):
-                result = self.path(dance, one["session"], "json")
-                yield from (path for path in map(result.with_suffix, (".npz", ".mp4", ".json")) if path.is_file())
+    def of(self, who: str) -> list[tuple[str, str]]:
+        """The tries of a profile: their dances and names."""
+        return [(dance, one["session"]) for dance in self.dances() for one in self._results(dance, who)]
 
     def _results(self, dance: str, who: str) -> Iterator[dict]:
         for path in sorted((self.folder / dance).glob("*.json"), reverse=True):
