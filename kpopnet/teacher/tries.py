@@ -41,6 +41,10 @@ class Tries:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
+        self._known: dict[str, dict[str, tuple[int, dict | None]]] = {}  # by dance and name, when changed and what `_shown` is
+
+    def __getstate__(self) -> dict:  # for other processes, which read for themselves
+        return {"folder": self.folder, "_known": {}}
 
     def save(self, result: dict, arrays: dict[str, np.ndarray]) -> str:
         """Writes a try and returns its name. The result is written last: a try that is listed is complete."""
@@ -79,12 +83,7 @@ class Tries:
         """
         if not IDENTITY.fullmatch(dance):
             raise InputError("there is no such dance")
-        keys = ("dance", "session", "total", "speed", "from_s", "to_s", "source", "skill", "dancer")
-        shown = []
-        for one in itertools.islice(self._results(dance, who), MOST_IN_HISTORY):
-            phrases = [{key: phrase.get(key) for key in ("start_s", "total")} for phrase in one.get("phrases", [])]
-            shown.append({key: one.get(key) for key in keys} | {"phrases": phrases})
-        return shown
+        return list(itertools.islice(self._of(dance, who), MOST_IN_HISTORY))
 
     def dances(self) -> list[str]:
         """The dances that were tried."""
@@ -92,13 +91,31 @@ class Tries:
 
     def of(self, who: str) -> list[tuple[str, str]]:
         """The tries of a profile: their dances and names."""
-        return [(dance, one["session"]) for dance in self.dances() for one in self._results(dance, who)]
+        return [(dance, one["session"]) for dance in self.dances() for one in self._of(dance, who)]
 
-    def _results(self, dance: str, who: str) -> Iterator[dict]:
+    def _of(self, dance: str, who: str) -> Iterator[dict]:
+        """As `history`, all of them. A file is read once, unless it changes: it may hold a minute's course."""
+        before, known = self._known.get(dance, {}), {}
         for path in sorted((self.folder / dance).glob("*.json"), reverse=True):
-            with contextlib.suppress(InputError):  # a damaged one is left out
-                if NAME.fullmatch(path.stem) and (one := self.result(dance, path.stem)).get("who", "") == who:
-                    yield one | {"dance": dance, "session": path.stem}
+            with contextlib.suppress(FileNotFoundError):  # it is deleted just now
+                if NAME.fullmatch(path.stem):
+                    changed, kept = path.stat().st_mtime_ns, before.get(path.stem, (0, None))
+                    known[path.stem] = kept if kept[0] == changed else (changed, self._shown(dance, path.stem))
+        self._known[dance] = known
+        for _, one in known.values():
+            if one is not None and one["who"] == who:
+                yield {key: value for key, value in one.items() if key != "who"}
+
+    def _shown(self, dance: str, name: str) -> dict | None:
+        """Whose a try is, and what the history shows of it; None for a damaged one."""
+        try:
+            one = self.result(dance, name)
+        except InputError:
+            return None
+        keys = ("total", "speed", "from_s", "to_s", "source", "skill", "dancer")
+        phrases = [{key: phrase.get(key) for key in ("start_s", "total")} for phrase in one.get("phrases", [])]
+        head = {"who": one.get("who", ""), "dance": dance, "session": name}
+        return head | {key: one.get(key) for key in keys} | {"phrases": phrases}
 
     def result(self, dance: str, name: str) -> dict:
         """The result of a try; raises as `path`."""

@@ -3,6 +3,7 @@
 import asyncio
 import io
 import json
+import pickle
 import random
 import struct
 import time
@@ -247,6 +248,22 @@ def test_saved_tries_are_listed_and_given_as_files_and_a_broken_one_is_left_out(
         assert await (await client.get("/api/history/dance_002")).json() == []
 
     with_client(teaching, work)
+
+
+def test_a_history_reads_a_try_once_unless_it_changes_and_forgets_one_that_is_gone(teaching, tried, monkeypatch):
+    tries, read = teaching.tries, []
+    kept, changed, gone = (tried(2.0) for _ in range(3))
+    result = tries.result
+    monkeypatch.setattr(tries, "result", lambda dance, name: [read.append(name), result(dance, name)][1])
+    assert [one["session"] for one in tries.history("dance_001")] == [gone, changed, kept] == read
+    for suffix in ("json", "npz"):
+        tries.path("dance_001", gone, suffix).unlink()
+    tries.path("dance_001", changed, "json").write_text(json.dumps({"total": 3.0, "who": "", "phrases": [{"start_s": 0.0, "total": 3.0, "end_s": 4.0}]}))
+    read.clear()
+    first, second = tries.history("dance_001")
+    assert (first["total"], first["phrases"], second["total"]) == (3.0, [{"start_s": 0.0, "total": 3.0}], 81.5)
+    assert read == [changed] and "who" not in first and tries.history("dance_001", "p_00000000") == []
+    assert pickle.loads(pickle.dumps(tries)).history("dance_001") == [first, second]
 
 
 def test_a_try_before_a_webcam_that_never_saw_the_feet_is_replayed(teaching, tried):
