@@ -56,6 +56,13 @@ export function clamp(value, low, high) {
   return Math.min(Math.max(value, low), high);
 }
 
+// The key of an event. Of a letter the small one, with Caps Lock too, and where the layout has another script the one that stands
+// there on a keyboard of Latin letters.
+export function keyOf({ key, code = "" }) {
+  if (/^Key[A-Z]$/.test(code) && !/^[a-z]$/i.test(key)) return code[3].toLowerCase();
+  return key.length === 1 ? key.toLowerCase() : key;
+}
+
 // The latency of a set-up, by its source of depth, in seconds; null where none was measured.
 export const latencyOf = (source) => remembered(`latency.${source}`, null);
 export const keepLatency = (source, latency_s) => remember(`latency.${source}`, latency_s === null ? null : clamp(latency_s, -1, 1));
