@@ -79,7 +79,7 @@ class Tries:
 
     def history(self, dance: str, who: str = "") -> list[dict]:
         """The latest tries of a dance by a profile, "" for those of none, the newest first: their dance, name, total, speed,
-        excerpt, source, whom of a group they danced, and the totals of their phrases.
+        excerpt, source, whom of a group they danced, whether as in a mirror, and the totals of their phrases.
         """
         if not IDENTITY.fullmatch(dance):
             raise InputError("there is no such dance")
@@ -112,7 +112,7 @@ class Tries:
             one = self.result(dance, name)
         except InputError:
             return None
-        keys = ("total", "speed", "from_s", "to_s", "source", "skill", "dancer")
+        keys = ("total", "speed", "from_s", "to_s", "source", "skill", "dancer", "mirrored")
         phrases = [{key: phrase.get(key) for key in ("start_s", "total")} for phrase in one.get("phrases", [])]
         head = {"who": one.get("who", ""), "dance": dance, "session": name}
         return head | {key: one.get(key) for key in keys} | {"phrases": phrases}
