@@ -16,7 +16,7 @@ from aiohttp import web
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.runtime.input_files import check_names, expect, parse_json, read_json, settings_from
+from kpopnet.runtime.input_files import check_names, parse_json, read_json, settings_from
 from kpopnet.teacher.tries import Tries
 
 WHO = re.compile("p_[0-9a-f]{8}")
@@ -32,7 +32,9 @@ class Profile:
     def __post_init__(self) -> None:
         check_names("name", [self.name])
         known = self.name.isprintable() and self.name == self.name.strip() and 1 <= len(self.name) <= MAX_LETTERS
-        expect(known, "name", f"1 to {MAX_LETTERS} letters that can be printed, without spaces around them")
+        if not known:
+            text = "a name has 1 to {most} letters that can be printed, without spaces around them"
+            raise InputError(Said(text, most=MAX_LETTERS))
 
 
 class Profiles:

@@ -88,7 +88,7 @@ export async function menu(main) {
     if (!chosen) return;
     told.textContent = say("adding {name} …", { name: chosen.name });
     try {
-      const title = chosen.name.replace(/\.[^.]*$/, "");
+      const title = chosen.name.replace(/\.[^.]*$/, "") || say("My dance");
       const query = new URLSearchParams({ file: chosen.name, title });
       const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: chosen });
       if (told.isConnected) location.hash = `#/dance/${identity}`;

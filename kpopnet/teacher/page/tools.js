@@ -19,7 +19,7 @@ export function el(tag, properties = {}, ...children) {
 export async function ask(path, options = {}) {
   const response = await fetch(path, options);
   const type = response.headers.get("content-type") || "";
-  const content = type.includes("json") ? await response.json() : { error: await response.text() };
+  const content = type.includes("json") ? await response.json() : { error: (await response.text()).trim() };
   if (!response.ok) throw new Error(say(content.error || response.statusText));
   return content;
 }

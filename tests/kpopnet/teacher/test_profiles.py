@@ -57,7 +57,9 @@ def test_strange_names_and_messages_are_refused_and_never_become_paths(teaching)
         assert (await client.post("/api/profiles", data=profile_json("../../x"))).status == 200  # a name like another
         for data in (*wrong, "", "[]", "{}", '{"name": "A", "age": 3}', "x" * 100):
             answer = await client.post("/api/profiles", data=data)
-            assert answer.status == 400 and "\n" not in (await answer.json())["error"], data
+            assert answer.status == 400 and "\n" not in english((await answer.json())["error"]), data
+        told = (await (await client.post("/api/profiles", data=profile_json("a" * 41))).json())["error"]
+        assert told == {"say": "a name has 1 to {most} letters that can be printed, without spaces around them", "most": 40}
         for who in ("..%2ftries", "p_00000000", "p_0000000", "x" * 300):
             for ask in (client.get, client.delete):
                 assert (await ask(f"/api/profiles/{who}")).status == 400

@@ -9,6 +9,7 @@ import struct
 import time
 from collections import Counter
 from dataclasses import replace
+from unittest.mock import Mock
 from urllib.parse import urljoin
 
 import numpy as np
@@ -167,7 +168,8 @@ def test_dances_of_ones_own_that_are_uploaded_at_once_get_names_of_their_own_and
             answer = await client.post(f"/api/dances?{query}", data=content)
             message = english((await answer.json())["error"])
             assert answer.status == 400 and told in message and "/tmp" not in message and "\n" not in message, query
-        assert (await client.post("/api/dances?file=a.bvh", data=io.BytesIO(bytes(MAX_UPLOAD_BYTES + 1)))).status == 413
+        answer = await client.post("/api/dances?file=a.bvh", data=io.BytesIO(bytes(MAX_UPLOAD_BYTES + 1)))
+        assert answer.status == 413 and english((await answer.json())["error"]) == "the file is larger than 32 MB"
 
     with_client(replace(teaching, library=mine), work)
 
@@ -371,3 +373,11 @@ def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching):
     (of_second, of_third) = teaching.tries.result("dance_001", done["session"])["members"]
     assert of_third == {"session": None, "total": None} and of_second["total"] == 50.0
     assert teaching.tries.result("dance_001", of_second["session"])["total"] == 50.0
+
+
+def test_a_try_that_cannot_be_saved_says_why_or_what_the_system_says(teaching, monkeypatch):
+    lessons = PageLessons(Said(), make_app(teaching, ("127.0.0.1",)))
+    for error, reason in ((OSError(28, "No space left on device"), "No space left on device"), (OSError("it is gone"), "it is gone")):
+        monkeypatch.setattr(lessons._profiles, "keep", Mock(side_effect=error))
+        told = asyncio.run(lessons._keep({"dance": "dance_001", "who": "", "total": 1.0}, {}))["not_saved"]
+        assert told == {"say": "this try could not be saved: {reason}", "reason": reason}

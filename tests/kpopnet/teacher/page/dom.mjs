@@ -40,6 +40,10 @@ class Node {
     return new Node("li");
   }
 
+  getBoundingClientRect() {
+    return { left: 0, right: 1, top: 0, bottom: 1 };
+  }
+
   click() {
     this.listeners.click?.({ detail: 1 });
   }

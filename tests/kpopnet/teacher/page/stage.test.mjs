@@ -164,13 +164,32 @@ function pointing() {
   draw(0);
 }
 
-test("a camera that is away or fails, and a program that has ended, hide what a hand could choose, and are told", async () => {
+// The overlay and its hint, for who points and holds.
+function byHand() {
   remember("hands", true);
   document.body.children = [];
   handsSwitch(() => {});
-  const [panel, hint] = ["hands", "hands-hint"].map((id) => allOf(document.body).find((one) => one.id === id));
+  return ["hands", "hands-hint"].map((id) => allOf(document.body).find((one) => one.id === id));
+}
+
+test("what a hand may choose in a pause is hidden while the camera is away, and after an error", async () => {
+  const [panel] = byHand(), { get, leave } = await opened();
+  begin(get);
+  told({ kind: "paused", from_s: 2 });
+  for (const kind of ["away", "error"]) {
+    pointing();
+    assert.equal(panel.hidden, false);
+    told({ kind, text: "the camera sends no images; look at its cable" });
+    assert.equal(panel.hidden, true);
+  }
+  leave();
+  letChoose([]);
+  remember("hands", false);
+});
+
+test("a camera that is away or fails, and a program that has ended, hide what a hand could choose, and are told", async () => {
+  const [panel, hint] = byHand();
   letChoose([{ id: "x", text: "x", act() {} }]);
-  for (const one of allOf(panel)) one.getBoundingClientRect = () => ({ left: 0, right: 1, top: 0, bottom: 1 });
   const unwatch = watch(dance, "realsense"), shown = () => [panel.hidden, hint.hidden, hint.textContent];
   for (const text of ["the camera sends no images; look at its cable", "there is no dance nothing"]) {
     pointing();
