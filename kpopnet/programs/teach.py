@@ -105,8 +105,8 @@ class RecordedCamera:
             self._coming = next(self._images, None)
             gains |= self._early_s() > before_s
             if time.monotonic() > begun + TOO_SLOW_S and not gains:
-                text = "{name}: this machine reads it more slowly than the dance goes on; slow the dance, or make the images smaller"
-                raise InputError(Said(text, name=self._source.name))
+                text = "this machine reads it more slowly than the dance goes on; slow the dance, or make the images smaller"
+                raise InputError(Said("{name}: {what}", name=self._source.name, what=Said(text)))
         while clock.running and 0 < self._early_s() < math.inf:
             time.sleep(0.002)
         if self._coming is not None and self._early_s() <= (0 if clock.running else late_s):

@@ -150,7 +150,7 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
 
 
 async def _has_started(runner: web.AppRunner, interrupted: asyncio.Event, ends: Callable) -> bool:
-    """Starts the application. False if the program is interrupted before that is done, as while a camera opens: it has ended."""
+    """Starts the application. False if the program is interrupted meanwhile, as while a camera opens: then it has ended."""
     starting, interruption = asyncio.create_task(runner.setup()), asyncio.create_task(interrupted.wait())
     await asyncio.wait((starting, interruption), return_when=asyncio.FIRST_COMPLETED)
     interruption.cancel()

@@ -189,7 +189,9 @@ class NewestImage:
                     self._changed.notify()
                 self._keep(image)
         except Exception as error:
-            self.error = Said("the camera stopped: {reason}", reason=error.said if isinstance(error, InputError) else str(error))
+            self.error = Said(
+                "the camera stopped: {reason}", reason=error.said if isinstance(error, InputError) else str(error)
+            )
         with self._changed:
             self._ended = True
             self._changed.notify()

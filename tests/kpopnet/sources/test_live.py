@@ -102,7 +102,10 @@ def test_a_kill_leaves_a_recording_that_opens(tmp_path):
 
 
 def test_what_a_camera_says_can_be_said_in_the_language_of_the_page():
-    errors = [CameraAwayError(Said("no OAK camera starts ({reason}); plug it in", reason="busy")), InputError(Said("the recording of depth has ended"))]
+    errors = [
+        CameraAwayError(Said("no OAK camera starts ({reason}); plug it in", reason="busy")),
+        InputError(Said("the recording of depth has ended")),
+    ]
 
     def read():
         if len(errors) == 1:

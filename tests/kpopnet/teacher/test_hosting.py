@@ -139,7 +139,9 @@ host(make, argparse.Namespace(host="127.0.0.1", port=0, no_browser=True), "look 
 
 
 def test_it_ends_while_it_starts():
-    with subprocess.Popen([sys.executable, "-c", STARTING], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as one:
+    with subprocess.Popen(
+        [sys.executable, "-c", STARTING], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as one:
         try:
             assert one.stdout.readline() == "opening\n"
             one.send_signal(signal.SIGINT)

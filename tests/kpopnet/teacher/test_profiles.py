@@ -109,17 +109,15 @@ def test_nothing_is_left_of_a_profile_that_is_deleted_while_its_try_is_saved_or_
 
 def test_a_try_that_a_full_disk_or_a_kill_interrupts_leaves_no_joints(teaching, tried, tmp_path, monkeypatch):
     tries, profiles = teaching.tries, Profiles(tmp_path / "profiles", teaching.tries)
-    dumps = json.dumps
 
     def full(*_given, **_named):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    with pytest.raises(OSError, match="No space"), monkeypatch.context() as patched:
-        patched.setattr(np, "savez_compressed", full)
-        tried(1.0)
-    with pytest.raises(OSError, match="No space"), monkeypatch.context() as patched:
-        patched.setattr(json, "dumps", lambda given, **how: full() if "dance" in given else dumps(given, **how))
-        tried(1.0)
+    for place, name in ((np, "savez_compressed"), (json, "dumps")):
+        with monkeypatch.context() as patched:
+            patched.setattr(place, name, full)
+            with pytest.raises(OSError, match="No space"):
+                tried(1.0)
     assert left(tries.folder) == set()
     killed, saving = tried(1.0), tried(1.0)
     for one in (killed, saving):

@@ -260,7 +260,9 @@ def test_a_history_reads_a_try_once_unless_it_changes_and_forgets_one_that_is_go
     assert [one["session"] for one in tries.history("dance_001")] == [gone, changed, kept] == read
     for suffix in ("json", "npz"):
         tries.path("dance_001", gone, suffix).unlink()
-    tries.path("dance_001", changed, "json").write_text(json.dumps({"total": 3.0, "who": "", "phrases": [{"start_s": 0.0, "total": 3.0, "end_s": 4.0}]}))
+    tries.path("dance_001", changed, "json").write_text(
+        json.dumps({"total": 3.0, "who": "", "phrases": [{"start_s": 0.0, "total": 3.0, "end_s": 4.0}]})
+    )
     read.clear()
     first, second = tries.history("dance_001")
     assert (first["total"], first["phrases"], second["total"]) == (3.0, [{"start_s": 0.0, "total": 3.0}], 81.5)
@@ -377,7 +379,10 @@ def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching):
 
 def test_a_try_that_cannot_be_saved_says_why_or_what_the_system_says(teaching, monkeypatch):
     lessons = PageLessons(Said(), make_app(teaching, ("127.0.0.1",)))
-    for error, reason in ((OSError(28, "No space left on device"), "No space left on device"), (OSError("it is gone"), "it is gone")):
+    for error, reason in (
+        (OSError(28, "No space left on device"), "No space left on device"),
+        (OSError("it is gone"), "it is gone"),
+    ):
         monkeypatch.setattr(lessons._profiles, "keep", Mock(side_effect=error))
         told = asyncio.run(lessons._keep({"dance": "dance_001", "who": "", "total": 1.0}, {}))["not_saved"]
         assert told == {"say": "this try could not be saved: {reason}", "reason": reason}

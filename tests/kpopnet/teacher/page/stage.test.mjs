@@ -23,6 +23,7 @@ const REPLIES = {
 let listeners, sent, heard, draw, closed;
 Object.assign(globalThis, {
   devicePixelRatio: 1, location: { hash: "", protocol: "http:", host: "127.0.0.1:1" }, requestAnimationFrame: (call) => { draw = call; },
+  getComputedStyle: () => ({ getPropertyValue: () => "" }),
   AudioContext: class { constructor() { return new Proxy(this, { get: (_, name) => (name === "close" ? () => closed++ : anything) }); } },
   fetch: async (path) => Response.json(REPLIES[path]),
   WebSocket: class {
@@ -156,7 +157,7 @@ test("the latency is kept for the camera that was measured", async () => {
 function pointing() {
   const joints = Array.from({ length: 15 }, () => [0.5, 0.5, 2, 1]), hip = [0.5, 0.6, 2, 1];
   Object.assign(joints, { 1: [0.5, 0.4, 2, 1], 6: [0.45, 0.4, 2, 1], 9: hip, 10: hip });
-  const text = new TextEncoder().encode(JSON.stringify({ sent_ms: 0, taken_ms: 0, joints, guidance: "", time_s: null })), data = new Uint8Array(9 + text.length);
+  const text = new TextEncoder().encode(JSON.stringify({ sent_ms: 0, taken_ms: 0, joints, guidance: "", time_s: null, parts: {} })), data = new Uint8Array(9 + text.length);
   new DataView(data.buffer).setUint32(0, text.length, true);
   data.set(text, 4);
   data[4 + text.length] = data[6 + text.length] = 1; // a picture of one pixel
