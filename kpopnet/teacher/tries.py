@@ -22,8 +22,8 @@ from kpopnet.teacher.library import IDENTITY
 
 NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9]{3}")
 MOST_IN_HISTORY = 200
-SUFFIXES = (".npz", ".mp4", ".json")
-"""Of the files of a try; the result, which says whose it is, is the last to go."""
+SUFFIXES = (".npz", ".mp4", ".json", ".mp4")
+"""Of the files of a try as they are deleted: late the result, which says whose it is; then a film that was made meanwhile."""
 
 SAVING_S = 60.0
 """Longest time from a try's joints to its result, while it is saved."""
@@ -63,7 +63,7 @@ class Tries:
         return name
 
     def remove(self, dance: str, name: str) -> None:
-        """Deletes a try: its joints, its film, also half a one, and last its result, which says whose it is."""
+        """Deletes a try: its joints, its film, also half a one, and its result; raises as `path`."""
         result = self.path(dance, name, "json")
         for path in (*result.parent.glob(f".{name}.*"), *map(result.with_suffix, SUFFIXES)):
             path.unlink(missing_ok=True)

@@ -34,7 +34,10 @@ def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
     async def work(client):
         page = await client.get("/")
         assert page.status == 200 and "script-src 'self'" in page.headers["Content-Security-Policy"]
-        seen, waiting = set(), ["/page/app.js", "/page/style.css", "/page/icon.svg", "/page/vendor/three.LICENSE"]
+        seen, waiting = (
+            set(),
+            ["/page/app.js", "/page/style.css", "/page/icon.svg", "/page/beats_worker.js", "/page/vendor/three.LICENSE"],
+        )
         text = await page.text()
         assert all(path in text for path in waiting[:3])
         while waiting:
