@@ -62,6 +62,9 @@ class Phrase:
     moments: tuple[Moment, ...]  # the worst ones, the worst first; what their `text` says of the time is about the phrase alone
 
 
+AS_THE_TEACHERS = "compared as in a mirror: left and right are as the teacher has them"
+
+
 @dataclass(frozen=True)
 class Fault:
     """One fault wherever it occurs: moments of equal part, joint and direction."""
@@ -204,7 +207,7 @@ def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
     if score.mirror_fits_better and not score.mirrored:
         yield "mirror", "the mirror image fits much better: did the learner mirror the teacher?"
     if score.mirrored:
-        yield "mirrored", "compared as in a mirror: left and right are as the teacher has them"
+        yield "mirrored", AS_THE_TEACHERS
     if abs(score.tempo - 1) >= MIN_TEMPO_DIFFERENCE:
         text = "{percent}% too fast throughout" if score.tempo > 1 else "{percent}% too slow throughout"
         yield "tempo", Said(text, percent=f"{100 * abs(score.tempo - 1):.0f}")

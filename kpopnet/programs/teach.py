@@ -106,7 +106,7 @@ class RecordedCamera:
             gains |= self._early_s() > before_s
             if time.monotonic() > begun + TOO_SLOW_S and not gains:
                 text = "this machine reads it more slowly than the dance goes on; slow the dance, or make the images smaller"
-                raise InputError(f"{self._source.name}: {text}")
+                raise InputError(Said("{name}: {what}", name=self._source.name, what=Said(text)))
         while clock.running and 0 < self._early_s() < math.inf:
             time.sleep(0.002)
         if self._coming is not None and self._early_s() <= (0 if clock.running else late_s):

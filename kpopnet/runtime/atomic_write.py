@@ -42,11 +42,11 @@ def write_json(path: Path, content: Any, allow_nan: bool = True) -> None:
         part.write_text(json.dumps(content, indent=1, allow_nan=allow_nan) + "\n")
 
 
-def remove_unfinished(folder: Path, pattern: str) -> None:
+def remove_unfinished(folder: Path, pattern: str | None = None) -> None:
     """Removes hidden files that killed processes left: those of a pattern, to which nobody writes just now, and whatever else
     processes of this machine left in the folder that have ended, where /proc tells.
     """
-    unfinished = set(folder.glob(pattern))
+    unfinished = set(folder.glob(pattern) if pattern else ())
     if Path("/proc/self").exists():
         of_this_machine = re.compile(rf"\..*\.{re.escape(socket.gethostname())}\.(\d+)-\d+\.tmp")
         for path in folder.glob(".*.tmp"):

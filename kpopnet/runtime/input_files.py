@@ -200,6 +200,8 @@ def settings_from(kind: type[Settings], value: Any, where: str) -> Settings:
     try:
         return kind(**value)
     except InputError as error:
+        if type(error.said) is not str:  # a text for a page, which words it itself
+            raise
         raise InputError(f"{where}: {error}") from error
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres, measured
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.runtime.input_files import first_line, parsing
 from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, Recording, StoredImage
@@ -97,7 +98,7 @@ class RealSenseCamera:
         try:
             self._connect()
         except CameraAwayError as error:
-            raise InputError(str(error)) from error
+            raise InputError(error.said) from error
 
     def read(self) -> tuple[np.ndarray, float]:
         if self._sensor is None:
@@ -141,7 +142,7 @@ class RealSenseCamera:
                     sensor.close()
                 raise
         except RuntimeError as error:
-            raise CameraAwayError(f"the camera does not start ({first_line(error)})") from error
+            raise CameraAwayError(Said("the camera does not start ({reason})", reason=first_line(error))) from error
         self._sensor, self._queue, self.camera = sensor, queue, camera
 
 

@@ -107,6 +107,11 @@ def rate(times_s: Sequence[float] | np.ndarray | None) -> float | None:
 class CameraAwayError(Exception):
     """The camera sends no images just now; a later call may find it again. The text says what to do."""
 
+    @property
+    def said(self) -> str:
+        """The text as a page is told it: one that is `kpopnet.languages.Said` can be worded there."""
+        return self.args[0]
+
 
 SILENCE_S = 1.0
 """A live camera that sends nothing for this time is away; a time that lies farther back is one of another clock."""

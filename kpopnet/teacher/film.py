@@ -231,4 +231,4 @@ def make_film(connection: Connection, library: Library, tries: Tries, dance: str
         except (BrokenPipeError, ConnectionResetError):
             raise
         except OSError as error:
-            connection.send((0.0, f"the film could not be saved: {error.strerror}"))
+            connection.send((0.0, Said("the film could not be saved: {reason}", reason=error.strerror or str(error))))

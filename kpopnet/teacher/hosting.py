@@ -20,7 +20,7 @@ from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from kpopnet.errors import InputError
-from kpopnet.languages import LANGUAGES, keyed
+from kpopnet.languages import LANGUAGES, Said, keyed
 from kpopnet.runtime.endings import is_of_the_disk, of_the_disk
 from kpopnet.teacher.pages import SOCKETS
 from kpopnet.teacher.safety import HEADERS, LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
@@ -77,6 +77,9 @@ async def _errors(request: web.Request, handler) -> web.StreamResponse:
         return await handler(request)
     except InputError as error:
         return web.json_response({"error": keyed(error.said)}, status=400)
+    except web.HTTPRequestEntityTooLarge:
+        most = Said("the file is larger than {most} MB", most=f"{request.client_max_size / 1e6:g}")
+        return web.json_response({"error": keyed(most)}, status=413)
     except OSError as error:
         if not is_of_the_disk(error):
             raise
@@ -118,7 +121,8 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
         with contextlib.suppress(NotImplementedError):  # not on every system; there Ctrl-C cancels this task
             loop.add_signal_handler(number, interrupted.set)
     runner = web.AppRunner(app, access_log=None, logger=logger, keepalive_timeout=IDLE_S, shutdown_timeout=END_S / 5)
-    await runner.setup()
+    if not await _has_started(runner, interrupted, ends):
+        return
     runner.server.request_handler = _refusing_headers(runner.server.request_handler)
     folder = tempfile.mkdtemp(prefix="kpopnet-")  # which only this user can read
     try:
@@ -143,6 +147,22 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         await runner.cleanup()
+
+
+async def _has_started(runner: web.AppRunner, interrupted: asyncio.Event, ends: Callable) -> bool:
+    """Starts the application. False if the program is interrupted meanwhile, as while a camera opens: then it has ended."""
+    starting, interruption = asyncio.create_task(runner.setup()), asyncio.create_task(interrupted.wait())
+    await asyncio.wait((starting, interruption), return_when=asyncio.FIRST_COMPLETED)
+    interruption.cancel()
+    if not starting.done():
+        ends()
+        starting.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await starting
+        await runner.cleanup()
+        return False
+    await starting  # raises what its start has raised
+    return True
 
 
 def _refusing_headers(handler: Callable) -> Callable:

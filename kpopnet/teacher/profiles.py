@@ -10,12 +10,13 @@ import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
 from aiohttp import web
 
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.runtime.input_files import check_names, expect, parse_json, read_json, settings_from
+from kpopnet.runtime.input_files import check_names, parse_json, read_json, settings_from
 from kpopnet.teacher.tries import Tries
 
 WHO = re.compile("p_[0-9a-f]{8}")
@@ -31,7 +32,9 @@ class Profile:
     def __post_init__(self) -> None:
         check_names("name", [self.name])
         known = self.name.isprintable() and self.name == self.name.strip() and 1 <= len(self.name) <= MAX_LETTERS
-        expect(known, "name", f"1 to {MAX_LETTERS} letters that can be printed, without spaces around them")
+        if not known:
+            text = "a name has 1 to {most} letters that can be printed, without spaces around them"
+            raise InputError(Said(text, most=MAX_LETTERS))
 
 
 class Profiles:
@@ -50,10 +53,13 @@ class Profiles:
 
     def profile(self, who: str) -> Profile:
         """Raises InputError if there is none."""
-        path = self.folder / f"{who}.json"
+        path = self._path(who)
         if not WHO.fullmatch(who) or not path.is_file():
             raise InputError(Said("there is no such profile"))
         return settings_from(Profile, read_json(path), str(path))
+
+    def _path(self, who: str) -> Path:
+        return self.folder / f"{who}.json"
 
     def add(self, profile: Profile) -> str:
         """Writes a new profile and returns its WHO. Raises InputError if the name is taken."""
@@ -70,17 +76,35 @@ class Profiles:
         content = io.BytesIO()
         with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
             archive.writestr("profile.json", json.dumps(asdict(self.profile(who)), ensure_ascii=False))
-            for path in self._tries.files(who):
-                if path.suffix != ".mp4":
-                    archive.write(path, f"tries/{path.parent.name}/{path.name}")
+            for dance, name in self._tries.of(who):
+                result = self._tries.path(dance, name, "json")
+                for path in (result.with_suffix(".npz"), result):
+                    if path.is_file():
+                        archive.write(path, f"tries/{dance}/{path.name}")
         return content.getvalue()
+
+    def keep(self, result: dict, arrays: dict[str, np.ndarray]) -> str:
+        """Saves a try, of which `result["who"]` says whose it is, and returns its name.
+
+        Raises InputError, and nothing is left of the try, if that profile is deleted, also while it is saved.
+        """
+        who = result["who"]
+        if who:
+            self.profile(who)
+        name = self._tries.save(result, arrays)
+        if who and not self._path(who).is_file():
+            self._tries.remove(result["dance"], name)
+            raise InputError(Said("there is no such profile"))
+        return name
 
     def delete(self, who: str) -> None:
         """Deletes the profile, then all its tries and their films."""
         self.profile(who)
-        (self.folder / f"{who}.json").unlink()  # first: a dance that ends meanwhile is not kept
-        for path in self._tries.files(who):
-            path.unlink(missing_ok=True)
+        self._path(who).unlink()  # first: a dance that ends meanwhile is not kept
+        for dance, name in self._tries.of(who):
+            with contextlib.suppress(InputError):  # `keep` was faster
+                self._tries.remove(dance, name)
+        self._tries.remove_unfinished()
 
 
 PROFILES: web.AppKey[Profiles] = web.AppKey("profiles", Profiles)

@@ -128,7 +128,7 @@ async def upload(request: web.Request) -> web.Response:
     try:
         content = await asyncio.wait_for(request.read(), UPLOAD_S)
     except TimeoutError as error:
-        raise web.HTTPRequestTimeout(text="the file did not arrive\n") from error
+        raise web.HTTPRequestTimeout(text="the file did not arrive") from error
     library = request.app[TEACHING].library
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"dance{suffix}"
@@ -265,7 +265,7 @@ class PageLessons(Page):
         dance = self._teaching.library.dance(lesson.dance)
         lesson.excerpt_s(dance.about.seconds)
         if lesson.dancer >= len(dance.dancers):
-            raise InputError("there is no such dancer in this dance; reload the page")
+            raise InputError(Said("there is no such dancer in this dance; reload the page"))
         if self._process is None or not self._process.alive:
             self.leave()
             self._process = self._processes.borrow()
@@ -303,10 +303,8 @@ class PageLessons(Page):
         if result.get("total") is None:
             return {}
         try:
-            if result["who"]:
-                self._profiles.profile(result["who"])
-            return {"session": await asyncio.to_thread(self._teaching.tries.save, result, arrays)}
+            return {"session": await asyncio.to_thread(self._profiles.keep, result, arrays)}
         except InputError as error:  # the profile was deleted meanwhile
             return {"not_saved": keyed(Said("this try was not saved: {reason}", reason=error.said))}
         except OSError as error:
-            return {"not_saved": keyed(Said("this try could not be saved: {reason}", reason=error.strerror))}
+            return {"not_saved": keyed(Said("this try could not be saved: {reason}", reason=error.strerror or str(error)))}

@@ -15,13 +15,19 @@ import numpy as np
 
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_path, claim
+from kpopnet.runtime.atomic_write import atomic_path, claim, remove_unfinished
 from kpopnet.runtime.input_files import ArraySchema, expect, read_json, read_npz
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.teacher.library import IDENTITY
 
 NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9]{3}")
 MOST_IN_HISTORY = 200
+SUFFIXES = (".npz", ".mp4", ".json", ".mp4")
+"""Of the files of a try as they are deleted: late the result, which says whose it is; then a film that was made meanwhile."""
+
+SAVING_S = 60.0
+"""Longest time from a try's joints to its result, while it is saved."""
+
 JOINTS = {
     "joints_m": ArraySchema("f", ("frames", NUM_JOINTS, 3)),
     "times_s": ArraySchema("f", ("frames",)),
@@ -35,6 +41,10 @@ class Tries:
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
+        self._known: dict[str, dict[str, tuple[int, dict | None]]] = {}  # by dance and name, when changed and what `_shown` is
+
+    def __getstate__(self) -> dict:  # for other processes, which read for themselves
+        return {"folder": self.folder, "_known": {}}
 
     def save(self, result: dict, arrays: dict[str, np.ndarray]) -> str:
         """Writes a try and returns its name. The result is written last: a try that is listed is complete."""
@@ -42,41 +52,70 @@ class Tries:
         place.mkdir(parents=True, exist_ok=True)
         while not claim(place / f"{(name := datetime.now().strftime('%Y%m%d-%H%M%S-%f')[:-3])}.npz"):
             time.sleep(0.002)
-        with atomic_path(place / f"{name}.npz") as part, part.open("wb") as file:
-            np.savez_compressed(file, **arrays)
-        with atomic_path(place / f"{name}.json") as part:
-            part.write_text(json.dumps(result | {"session": name}, allow_nan=False, ensure_ascii=False), encoding="utf-8")
+        try:
+            with atomic_path(place / f"{name}.npz") as part, part.open("wb") as file:
+                np.savez_compressed(file, **arrays)
+            with atomic_path(place / f"{name}.json") as part:
+                part.write_text(json.dumps(result | {"session": name}, allow_nan=False, ensure_ascii=False), encoding="utf-8")
+        except BaseException:  # nobody could delete joints without a result
+            (place / f"{name}.npz").unlink(missing_ok=True)
+            raise
         return name
+
+    def remove(self, dance: str, name: str) -> None:
+        """Deletes a try: its joints, its film, also half a one, and its result; raises as `path`."""
+        result = self.path(dance, name, "json")
+        for path in (*result.parent.glob(f".{name}.*"), *map(result.with_suffix, SUFFIXES)):
+            path.unlink(missing_ok=True)
+
+    def remove_unfinished(self) -> None:
+        """Deletes what killed programs left: hidden files, and joints whose result never came, of which nobody knows whose."""
+        for dance in self.dances():
+            remove_unfinished(self.folder / dance)
+            for path in (self.folder / dance).glob("*.npz"):
+                with contextlib.suppress(FileNotFoundError):  # a try that could not be saved
+                    if not path.with_suffix(".json").exists() and time.time() - path.stat().st_mtime > SAVING_S:
+                        path.unlink()
 
     def history(self, dance: str, who: str = "") -> list[dict]:
         """The latest tries of a dance by a profile, "" for those of none, the newest first: their dance, name, total, speed,
-        excerpt, source, whom of a group they danced, and the totals of their phrases.
+        excerpt, source, whom of a group they danced, whether as in a mirror, and the totals of their phrases.
         """
         if not IDENTITY.fullmatch(dance):
             raise InputError("there is no such dance")
-        keys = ("dance", "session", "total", "speed", "from_s", "to_s", "source", "skill", "dancer")
-        shown = []
-        for one in itertools.islice(self._results(dance, who), MOST_IN_HISTORY):
-            phrases = [{key: phrase.get(key) for key in ("start_s", "total")} for phrase in one.get("phrases", [])]
-            shown.append({key: one.get(key) for key in keys} | {"phrases": phrases})
-        return shown
+        return list(itertools.islice(self._of(dance, who), MOST_IN_HISTORY))
 
     def dances(self) -> list[str]:
         """The dances that were tried."""
         return sorted(path.name for path in self.folder.glob("*") if IDENTITY.fullmatch(path.name))
 
-    def files(self, who: str) -> Iterator[Path]:
-        """Every file of the tries of a profile; a try's result, which says whose it is, after its other files."""
-        for dance in self.dances():
-            for one in self._results(dance, who):
-                result = self.path(dance, one["session"], "json")
-                yield from (path for path in map(result.with_suffix, (".npz", ".mp4", ".json")) if path.is_file())
+    def of(self, who: str) -> list[tuple[str, str]]:
+        """The tries of a profile: their dances and names."""
+        return [(dance, one["session"]) for dance in self.dances() for one in self._of(dance, who)]
 
-    def _results(self, dance: str, who: str) -> Iterator[dict]:
+    def _of(self, dance: str, who: str) -> Iterator[dict]:
+        """As `history`, all of them. A file is read once, unless it changes: it may hold a minute's course."""
+        before, known = self._known.get(dance, {}), {}
         for path in sorted((self.folder / dance).glob("*.json"), reverse=True):
-            with contextlib.suppress(InputError):  # a damaged one is left out
-                if NAME.fullmatch(path.stem) and (one := self.result(dance, path.stem)).get("who", "") == who:
-                    yield one | {"dance": dance, "session": path.stem}
+            with contextlib.suppress(FileNotFoundError):  # it is deleted just now
+                if NAME.fullmatch(path.stem):
+                    changed, kept = path.stat().st_mtime_ns, before.get(path.stem, (0, None))
+                    known[path.stem] = kept if kept[0] == changed else (changed, self._shown(dance, path.stem))
+        self._known[dance] = known
+        for _, one in known.values():
+            if one is not None and one["who"] == who:
+                yield {key: value for key, value in one.items() if key != "who"}
+
+    def _shown(self, dance: str, name: str) -> dict | None:
+        """Whose a try is, and what the history shows of it; None for a damaged one."""
+        try:
+            one = self.result(dance, name)
+        except InputError:
+            return None
+        keys = ("total", "speed", "from_s", "to_s", "source", "skill", "dancer", "mirrored")
+        phrases = [{key: phrase.get(key) for key in ("start_s", "total")} for phrase in one.get("phrases", [])]
+        head = {"who": one.get("who", ""), "dance": dance, "session": name}
+        return head | {key: one.get(key) for key in keys} | {"phrases": phrases}
 
     def result(self, dance: str, name: str) -> dict:
         """The result of a try; raises as `path`."""

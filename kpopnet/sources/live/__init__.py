@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.sources import realsense
 from kpopnet.sources.lenses import View
 from kpopnet.sources.live import oak, pipe
@@ -177,7 +178,7 @@ class NewestImage:
                 try:
                     read = self._camera.read()
                 except CameraAwayError as error:
-                    self.away = str(error)
+                    self.away = error.said
                     continue
                 if read is None:
                     break
@@ -188,7 +189,9 @@ class NewestImage:
                     self._changed.notify()
                 self._keep(image)
         except Exception as error:
-            self.error = f"the camera stopped: {error}"
+            self.error = Said(
+                "the camera stopped: {reason}", reason=error.said if isinstance(error, InputError) else str(error)
+            )
         with self._changed:
             self._ended = True
             self._changed.notify()

@@ -10,6 +10,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.runtime.input_files import first_line
 from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.camera_files import optics
@@ -51,7 +52,7 @@ class OakCamera:
         try:
             self._connect()
         except CameraAwayError as error:
-            raise InputError(str(error)) from error
+            raise InputError(error.said) from error
 
     def read(self) -> tuple[np.ndarray, float]:
         if self._pipeline is None:
@@ -95,7 +96,7 @@ class OakCamera:
             self._queue = output.createOutputQueue(maxSize=1, blocking=False)
             self._pipeline.start()
         except RuntimeError as error:
-            raise CameraAwayError(f"no OAK camera starts ({first_line(error)}); plug it in") from error
+            raise CameraAwayError(Said("no OAK camera starts ({reason}); plug it in", reason=first_line(error))) from error
 
     def _look_through(self, frame: Any) -> None:
         """Takes the intrinsics, and what is left of the lens's distortion, from the camera's first image."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.errors import InputError
+from kpopnet.languages import Said
 from kpopnet.runtime.input_files import parsing
 from kpopnet.sources.lenses import View
 from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, StoredImage, moment
@@ -20,7 +21,6 @@ START_S = 10.0
 """How long a sender may take for its first line: it may have to start a camera."""
 
 SCHEMES = STDIN, TCP, UNIX = "stdin:", "tcp:", "unix:"
-SILENT = "{} sends nothing; look at the program and the camera behind it"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
@@ -33,6 +33,10 @@ def check_address(address: str) -> str:
     elif address.startswith((UNIX, STDIN)) and address.partition(":")[2]:
         return address
     raise InputError(f"{address}: expected tcp:127.0.0.1:PORT, a port of this machine, or unix:PATH, a socket")
+
+
+def _silent(name: str) -> Said:
+    return Said("{name} sends nothing; look at the program and the camera behind it", name=name)
 
 
 def _connected(address: str) -> socket.socket:
@@ -66,7 +70,7 @@ class PipeCamera:
         self._relay = Relay() if address == "-" else None
         address = address if self._relay is None else self._relay.address
         self._address, self._closed = check_address(address), False
-        self._name = "standard input" if address.startswith(STDIN) else address
+        self._name = Said("standard input") if address.startswith(STDIN) else address
         self._changed = threading.Condition()
         self.camera: Camera | None = None
         self._newest: tuple[View, StoredImage, float] | None = None
@@ -77,7 +81,7 @@ class PipeCamera:
             self._changed.wait_for(lambda: self.camera or self._away or self._error, START_S)
         if self.camera is None:
             self.close()
-            raise InputError(self._error or self._away or SILENT.format(self._name))
+            raise InputError(self._error or self._away or _silent(self._name))
 
     def read(self) -> tuple[np.ndarray, float] | None:
         """See `LiveCamera.read`; None after the end of standard input."""
@@ -89,7 +93,7 @@ class PipeCamera:
         if newest is None and self._ended:
             return None
         if newest is None:
-            raise CameraAwayError(self._away or SILENT.format(self._name))
+            raise CameraAwayError(self._away or _silent(self._name))
         view, image, arrived = newest
         depth_m = depth_in_metres(image.depth, where=image.where, unit_known=self._unit_known)
         self._unit_known = self._unit_known or bool(depth_m.any())  # the sender's first image that measured something tells it
@@ -110,13 +114,14 @@ class PipeCamera:
             try:
                 with _connected(self._address) as self._connection, self._connection.makefile("rb") as file:
                     self._follow(self._connection, file)
-                away = f"{self._name} has ended; start the program that sends depth again"
+                away = Said("{name} has ended; start the program that sends depth again", name=self._name)
             except TimeoutError:
-                away = SILENT.format(self._name)
+                away = _silent(self._name)
             except OSError as failed:
-                away = f"no program sends depth through {self._name} ({failed.strerror or failed}); start it"
+                text = "no program sends depth through {name} ({reason}); start it"
+                away = Said(text, name=self._name, reason=failed.strerror or str(failed))
             except InputError as failed:
-                error = str(failed)
+                error = failed.said
             with self._changed:
                 self._away, self._error = away, error
                 self._ended = self._address.startswith(STDIN)  # it does not come back
@@ -133,7 +138,7 @@ class PipeCamera:
             view = header.optics.view()
         with self._changed:
             if self.camera not in (None, view.camera):
-                raise InputError(f"{self._name}: another camera sends now; start again")
+                raise InputError(Said("{name}: another camera sends now; start again", name=self._name))
             self.camera, self._away, self._unit_known = view.camera, "", False
             self._changed.notify_all()
         while (image := header.read(file, self._name)) is not None and not self._closed:

@@ -46,7 +46,7 @@ class Lesson:
         for name, (least, most) in BOUNDS.items():
             check_between(name, getattr(self, name), least, most)
         if self.calibrate and self.people > 1:
-            raise InputError(f"people {self.people}: the latency is measured with one learner")
+            raise InputError(Said("the latency is measured with one learner"))
 
     def excerpt_s(self, dance_s: float) -> tuple[float, float]:
         """Start and end in seconds of the excerpt of a dance of this length. Raises InputError if it is too short to score."""

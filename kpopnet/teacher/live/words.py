@@ -3,11 +3,12 @@
 import math
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.dance.feedback import Feedback, feedback, moments_since
+from kpopnet.dance.feedback import AS_THE_TEACHERS, Feedback, feedback, moments_since
 from kpopnet.dance.online import OnlineScore
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.timing import measured_latency_s
@@ -66,6 +67,22 @@ def exchanged(name: str) -> str:
     return re.sub(r"\b(left|right)\b", lambda side: "right" if side[0] == "left" else "left", name)
 
 
+def own_sides(told: Any) -> Any:
+    """The result of a score that compared as in a mirror, dicts and lists of texts and numbers, with left and right exchanged:
+    the learner's own, as while they danced.
+    """
+    if isinstance(told, Said):  # "right" is a side in texts without gaps alone
+        values = {name: own_sides(value) for name, value in told.values.items()}
+        return Said(told.template if values else exchanged(told.template), **values)
+    if isinstance(told, dict):
+        return {exchanged(name): own_sides(value) for name, value in told.items()}
+    if isinstance(told, list | tuple):
+        return [own_sides(one) for one in told]
+    if told == AS_THE_TEACHERS:
+        return "compared as in a mirror: left and right are your own"
+    return exchanged(told) if isinstance(told, str) else told
+
+
 def in_words(moment: Moment, mirrored: bool = False) -> str:
     """A moment in few words: "left arm too low", "a little late". Left is the learner's own, of a `mirrored` score too."""
     if moment.part == "timing":
@@ -121,6 +138,8 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
         return head | {"total": None, "hints": ["no person was seen dancing; stand in the picture from head to feet"]}
     slow = "only {fps} images a second were scored, which costs points: this machine is busy with other things"
     told = score_result(score, feedback(score, about.beat_s), about.weights, about.beat_s)
+    if score.mirrored:
+        told = own_sides(told)
     if told["latency_s"] is not None:  # of the set-up, in real seconds like `Lesson.latency_s`
         told["latency_s"] = rounded(told["latency_s"] / lesson.speed, 3)
     return (

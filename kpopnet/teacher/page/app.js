@@ -35,7 +35,9 @@ async function show() {
     if (mine !== turn) return;
     main.replaceChildren(el("p", { class: "error", role: "alert" }, error.message), el("a", { href: "#/" }, say("To the dances")));
   }
-  if (mine === turn) main.dataset.ready = location.hash;
+  if (mine !== turn) return;
+  document.title = [main.querySelector("h1")?.firstChild?.textContent, say("Dance teacher")].filter(Boolean).join(" · ");
+  main.dataset.ready = location.hash;
 }
 
 const afterDance = (...ends) => () => ends.forEach((end) => end());

@@ -131,12 +131,20 @@ export class DrawingLoad {
   }
 }
 
+const FIELD_DEG = 38, BESIDE_M = 0.7, LEAST_M = 3.8, MOST_M = 30; // a field from top to bottom; beside the outer dancers; from the camera
+
+// How far from the middle a camera of this aspect stands that sees all, who are beside the middle and nearer, x and z in metres.
+export function distanceOf(places_m, aspect) {
+  const wide = aspect * Math.tan(FIELD_DEG * Math.PI / 360);
+  return Math.max(LEAST_M, ...places_m.map(({ x, z }) => z + (Math.abs(x) + BESIDE_M) / wide));
+}
+
 export class View {
   constructor(canvas) {
     this.canvas = canvas;
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.scene = new Scene();
-    this.camera = new PerspectiveCamera(38, 4 / 3, 0.1, 30);
+    this.camera = new PerspectiveCamera(FIELD_DEG, 4 / 3, 0.1, 60);
     this.camera.position.set(0, 1.25, 3.6);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.target.set(0, 0.92, 0);
@@ -176,6 +184,12 @@ export class View {
     this.controls.update();
   }
 
+  // Shows all who stand at these places, see `distanceOf`, however wide the picture is.
+  fit(places_m) {
+    this.places_m = places_m;
+    this.controls.maxDistance = MOST_M;
+  }
+
   turn(angle) {
     const offset = this.camera.position.clone().sub(this.controls.target);
     this.camera.position.copy(this.controls.target).add(offset.applyAxisAngle(this.camera.up, angle));
@@ -189,7 +203,9 @@ export class View {
       [this.width, this.height, this.scale] = [clientWidth, clientHeight, this.load.scale];
       this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.scale);
       this.renderer.setSize(clientWidth, clientHeight, false);
-      this.camera.aspect = clientWidth / clientHeight;
+      const aspect = clientWidth / clientHeight;
+      if (this.places_m && this.fitted !== aspect) this.back(distanceOf(this.places_m, aspect)); // else it stays as it was zoomed
+      this.camera.aspect = this.fitted = aspect;
       this.camera.updateProjectionMatrix();
     }
     [this.shown, this.changed] = [time_s, false];

@@ -19,7 +19,7 @@ export async function calibrate(main) {
   const start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.running ? stop("") : begin()) }, say("Start"));
   const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
   const kept = el("p", { id: "kept" }), beat = el("div", { class: "count", "aria-hidden": "true" });
-  const canvas = el("canvas", { id: "learner", "aria-label": say("your picture with your skeleton") });
+  const canvas = el("canvas", { id: "learner", role: "img", "aria-label": say("your picture with your skeleton") });
   const guide = el("div", { class: "guide", role: "status" });
   main.append(
     el("h1", {}, say("Latency of camera, sound and screen")),
@@ -39,7 +39,7 @@ export async function calibrate(main) {
   requestAnimationFrame(animate);
   return () => {
     state.closed = true;
-    sound.stop();
+    sound.close();
     live.leave();
   };
 
@@ -55,6 +55,7 @@ export async function calibrate(main) {
     sound.wake();
     remember("source", source.value);
     Object.assign(state, { running: true, start: 0 });
+    source.disabled = true; // its latency is what is measured
     start.textContent = say("Stop");
     failed.textContent = "";
     live.send({ do: "prepare", lesson: { dance: dance.identity, source: source.value, to_s: BEATS * BEAT_S, calibrate: true } });
@@ -82,6 +83,7 @@ export async function calibrate(main) {
   }
 
   function done({ latency_s, hints }) {
+    if (!state.running) return; // it was on its way when it was stopped
     stop(latency_s === null ? say(hints[0]) : "");
     if (latency_s === null) return;
     keepLatency(source.value, latency_s);
@@ -91,6 +93,7 @@ export async function calibrate(main) {
 
   function stop(message) {
     Object.assign(state, { running: false, start: 0 });
+    source.disabled = false;
     sound.stop();
     live.send({ do: "stop" });
     start.textContent = say("Start");

@@ -58,6 +58,14 @@ export function follow(joints, mirrored, now_ms) {
   if (chosen) chosen.click();
 }
 
+// Where no images come nobody points: nothing is offered until they do, and `text` says what is the matter.
+export function rest(text) {
+  follow(null, true, performance.now());
+  panel.hidden = true;
+  hint.textContent = text;
+  hint.hidden = !text;
+}
+
 function fieldAt(x, y) {
   return [...fields.children].find((field) => {
     const { left, right, top, bottom } = field.getBoundingClientRect();
@@ -71,7 +79,9 @@ export const watching = (dance, source) => ({ do: "prepare", lesson: { dance: da
 // Watches the learner in a view without a lesson of its own; returns what ends it.
 export function watch(dance, source) {
   if (!handsFree() || !dance) return () => {};
-  const live = liveFor({ frame: ({ joints }) => follow(joints, true, performance.now()) });
+  const told = ({ text }) => rest(say(text));
+  const live = liveFor({ frame: ({ joints }) => follow(joints, true, performance.now()), away: told, error: told,
+    lost: () => rest(say("the teacher's program does not answer; is it still running?")) });
   live.send(watching(dance, source));
   let ended = false;
   const draw = () => {

@@ -54,8 +54,8 @@ export async function menu(main) {
   };
 
   function show() {
-    const words = search.value.toLowerCase().split(/\s+/);
-    const found = inOrder(dances.filter((one) => words.every((word) => one.name.toLowerCase().includes(word))
+    const plain = (text) => text.normalize("NFC").toLowerCase(), words = plain(search.value).split(/\s+/); // macOS names files in NFD
+    const found = inOrder(dances.filter((one) => words.every((word) => plain(one.name).includes(word))
       && (!level.value || one.difficulty === Number(level.value))), order.value);
     first = 0;
     choose(found.filter((one) => !one.broken));
@@ -68,7 +68,7 @@ export async function menu(main) {
       thumbs.watch(canvas, one.identity);
       return el("a", { class: "card", href: `#/dance/${one.identity}`, "data-dance": one.identity }, canvas,
         el("b", {}, one.name),
-        el("small", { "aria-label": say("difficulty {level} of 5", { level: one.difficulty }) }, stars(one.difficulty)),
+        el("small", { role: "img", "aria-label": say("difficulty {level} of 5", { level: one.difficulty }) }, stars(one.difficulty)),
         el("small", {}, `${clock(one.seconds)} · ${say("{count} bpm", { count: Math.round(one.bpm) })}${one.own ? ` · ${say("yours")}` : ""}`));
     }));
   }
@@ -88,7 +88,7 @@ export async function menu(main) {
     if (!chosen) return;
     told.textContent = say("adding {name} …", { name: chosen.name });
     try {
-      const title = chosen.name.replace(/\.[^.]*$/, "");
+      const title = chosen.name.replace(/\.[^.]*$/, "") || say("My dance");
       const query = new URLSearchParams({ file: chosen.name, title });
       const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: chosen });
       if (told.isConnected) location.hash = `#/dance/${identity}`;

@@ -6,9 +6,19 @@ import { say } from "./words.js";
 
 const WIDE = 1000, HIGH = 150;
 
-// The profile that dances in this browser, with its tries; null for a guest.
-export async function myself() {
-  const who = remembered("who", ""), label = document.getElementById("me");
+let asked = null; // who was asked for last, and the answer that is on its way
+
+// The profile that dances in this browser, with its tries; null for a guest. The header and a view that ask at once ask once.
+export function myself() {
+  const who = remembered("who", "");
+  if (asked?.who !== who) {
+    const mine = asked = { who, found: find(who).finally(() => { if (asked === mine) asked = null; }) };
+  }
+  return asked.found;
+}
+
+async function find(who) {
+  const label = document.getElementById("me");
   let found = null;
   if (who) {
     const names = await ask("/api/profiles");

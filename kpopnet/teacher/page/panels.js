@@ -25,7 +25,7 @@ export function controls(dance, offer, wanted) {
     practise: choice("practise", [["", say("off")], ...GOALS.map((one) => [one, say("until {goal}", { goal: one })])], wanted.get("practise") ?? ""),
     full: el("button", { type: "button", id: "full" }, say("Full screen")),
     loop: el("input", { type: "checkbox", id: "loop", checked: wanted.has("loop") }),
-    mirrored: el("input", { type: "checkbox", id: "mirrored", checked: true }),
+    mirrored: el("input", { type: "checkbox", id: "mirrored", checked: wanted.get("mirrored") !== "0" }),
     music: choice("music", MUSIC, remembered("music", "tick")),
     source: choice("source", Object.entries(offer.sources).map(([key, text]) => [key, say(text)]), remembered("source", Object.keys(offer.sources)[0])),
     skill: choice("skill", offer.skills.map((one) => [one, say(`skill|${one}`)]), wanted.get("skill") || "good"),
@@ -50,17 +50,20 @@ export function taught(parts, people) {
   return Array.from({ length: people }, (_, k) => Math.min(first + k, last));
 }
 
+// Several learners need depth: a webcam follows one, and one is simulated.
+export const alone = (source) => [WEBCAM, "simulated"].includes(source);
+
 export function panels(main, dance, parts, song) {
   const shown = {
-    teacher: el("canvas", { id: "teacher", "aria-label": say("the teacher, in 3D; the left and right keys turn the view") }),
-    learner: el("canvas", { id: "learner", "aria-label": say("your picture with your skeleton") }),
+    teacher: el("canvas", { id: "teacher", role: "img", "aria-label": say("the teacher, in 3D; the left and right keys turn the view") }),
+    learner: el("canvas", { id: "learner", role: "img", "aria-label": say("your picture with your skeleton") }),
     count: el("div", { class: "count", "aria-hidden": "true" }),
     guide: el("div", { class: "guide", id: "guide", role: "status" }),
-    score: el("div", { class: "score", id: "so-far", "aria-label": say("score so far") }, "–"),
+    score: el("div", { class: "score", id: "so-far", role: "group", "aria-label": say("score so far") }, "–"),
     words: el("div", { class: "words", id: "words" }),
     verdict: el("div", { class: "verdict", id: "verdict", role: "status" }),
     lane: el("canvas", { id: "lane", role: "img", "aria-label": say("the coming moves") }),
-    stars: el("div", { id: "stars", "aria-label": say("stars so far") }), streak: el("div", { id: "streak" }),
+    stars: el("div", { id: "stars", role: "group", "aria-label": say("stars so far") }), streak: el("div", { id: "streak" }),
     beginNow: el("button", { type: "button", id: "begin", hidden: true }, say("Begin now")),
     practice: el("p", { id: "practice", role: "status" }),
     time: el("span", {}), age: el("span", { id: "age" }),
@@ -75,10 +78,9 @@ export function panels(main, dance, parts, song) {
       el("div", { class: "panel seen" }, shown.learner, el("span", { class: "tag" }, `${say("you")} `, shown.age), shown.guide)),
     shown.lane,
     el("div", { class: "told" }, el("div", {}, shown.score, shown.stars, shown.streak), el("div", {}, shown.verdict, shown.words, shown.members, shown.practice)));
-  // Several learners need depth: a webcam follows one, and one is simulated.
   const latency = el("p", { class: "quiet", id: "latency" });
   const chosen = () => {
-    parts.people.disabled = [WEBCAM, "simulated"].includes(parts.source.value);
+    parts.people.disabled = alone(parts.source.value);
     const latency_s = latencyOf(parts.source.value);
     latency.replaceChildren(`${latency_s === null ? say("Latency not measured.") : say("{time} latency are taken off.", { time: milliseconds(latency_s) })} `,
       el("a", { href: "#/calibrate" }, say(latency_s === null ? "Measure it" : "Measure it again")));

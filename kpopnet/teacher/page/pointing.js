@@ -6,6 +6,9 @@ const NECK = 1, HANDS = [6, 7], HIPS = [9, 10], ASPECT = 4 / 3, SURE = 0.25;
 const SIDE = 1, TOP = -0.75, BOTTOM = 0.65, EDGE = 0.15;
 const HOLD_MS = 1200, LOST_MS = 300;
 
+// How long what an image shows has lasted since the image before: what happened in a longer gap nobody saw.
+export const lasted_ms = (before_ms, now_ms) => (before_ms === null ? 0 : Math.min(now_ms - before_ms, LOST_MS));
+
 // Where the learner points in a picture as they see it, mirrored or not: [x, y] from 0 to 1 from the left and the top, and which hand;
 // null where no hand is raised. Of two hands the one that points already, or the higher one.
 export function pointed(joints, mirrored, before = null) {
@@ -35,7 +38,7 @@ export class Dwell {
 
   // over: what is pointed at, null for nothing. Returns what has been chosen now, or null.
   see(over, now_ms) {
-    const passed_ms = this.seen_ms === null ? 0 : now_ms - this.seen_ms;
+    const passed_ms = lasted_ms(this.seen_ms, now_ms);
     this.seen_ms = now_ms;
     if (this.blocked === undefined && over !== null) this.blocked = over;
     if (over === null && this.over !== null) {

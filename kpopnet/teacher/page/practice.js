@@ -31,6 +31,9 @@ export class Practice {
   }
 }
 
+// Of the address of a dance: whom of a group one danced, and whether as in a mirror.
+export const asDanced = ({ dancer, mirrored }) => `dancer=${dancer || 0}${mirrored === false ? "&mirrored=0" : ""}`;
+
 export const practiseAddress = (dance, phrase, more = "") => `#/dance/${dance}?phrase=${phrase}&practise=${GOAL}&go${more}`;
 
 // Whether a dance has a phrase of this number, from 0, that is long enough to be danced alone; the last one may be cut short, and
@@ -55,17 +58,17 @@ export function weekPlan(dances, now) {
   const latest = new Map(), today = Date.UTC(now.getFullYear(), now.getMonth(), now.getDate());
   for (const dance of dances) {
     const { identity, name } = dance;
-    for (const { session, phrases, dancer } of dance.tries) { // the newest first
+    for (const { session, phrases, dancer, mirrored } of dance.tries) { // the newest first
       if (today - day(session) > RECENT_DAYS * DAY_MS) continue;
       for (const { start_s, total } of phrases) {
         const phrase = phraseAt(start_s, dance), key = `${identity}/${phrase}/${dancer || 0}`;
-        if (total !== null && practisable(phrase, dance) && !latest.has(key)) latest.set(key, { identity, name, phrase, total, dancer });
+        if (total !== null && practisable(phrase, dance) && !latest.has(key)) latest.set(key, { identity, name, phrase, total, danced: asDanced({ dancer, mirrored }) });
       }
     }
   }
   const weak = [...latest.values()].filter(({ total }) => Math.round(total) < GOAL).sort((a, b) => a.total - b.total).slice(0, PLANNED);
-  return weak.map(({ identity, name, phrase, total, dancer }) => ({
+  return weak.map(({ identity, name, phrase, total, danced }) => ({
     text: say("{name}, phrase {number} ({total} of 100)", { name, number: phrase + 1, total: Math.round(total) }),
-    href: practiseAddress(identity, phrase, dancer ? `&dancer=${dancer}` : ""),
+    href: practiseAddress(identity, phrase, `&${danced}`),
   }));
 }

@@ -1,7 +1,7 @@
 // Two learners beside their teacher, pair by pair: a rater says who dances better. Names, ranks and scores never come here.
 import { View } from "./body.js";
 import { Figure, JOINTS } from "./figure.js";
-import { ask, clamp, clock, el, unpacked } from "./tools.js";
+import { ask, clamp, clock, el, keyOf, unpacked } from "./tools.js";
 
 const MISSING = -32768;
 const SIDES = { left: "left learner", teacher: "teacher", right: "right learner" };
@@ -46,7 +46,7 @@ function views(panels) {
 }
 
 function rating(main, rater) {
-  const panels = Object.fromEntries(Object.keys(SIDES).map((side) => [side, el("canvas", { "aria-label": `${SIDES[side]}, in 3D` })]));
+  const panels = Object.fromEntries(Object.keys(SIDES).map((side) => [side, el("canvas", { role: "img", "aria-label": `${SIDES[side]}, in 3D` })]));
   const answers = Object.fromEntries(Object.entries(CHOICES).map(([choice, text]) =>
     [choice, el("button", { type: "button", id: choice, class: choice === "equal" ? "" : "main", onclick: () => say(choice) }, text)]));
   const undo = el("button", { type: "button", id: "undo", onclick: () => say("") }, "Take the last answer back");
@@ -121,10 +121,10 @@ function rating(main, rater) {
   function onKey(event) {
     const keys = { ArrowLeft: () => say("left"), ArrowRight: () => say("right"), ArrowDown: () => say("equal"), Backspace: () => say(""),
       " ": toggle, r: begin, a: () => shown[0].view.turn(-0.2), d: () => shown[0].view.turn(0.2) };
-    const typing = event.target.closest("input, select") || (event.key === " " && event.target.closest("button"));
-    if (typing || event.ctrlKey || event.metaKey || event.altKey || !keys[event.key]) return;
+    const key = keyOf(event), typing = event.target.closest("input, select") || (key === " " && event.target.closest("button"));
+    if (typing || event.ctrlKey || event.metaKey || event.altKey || !keys[key]) return;
     event.preventDefault();
-    if (!event.repeat || "ad".includes(event.key)) keys[event.key]();
+    if (!event.repeat || "ad".includes(key)) keys[key]();
   }
 
   function animate(now) {

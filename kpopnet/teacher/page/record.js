@@ -16,8 +16,8 @@ export async function record(main) {
   const music = choice("music", MUSIC, remembered("music", "tick")), tempo = el("input", { type: "number", id: "bpm", min: 40, max: 240, value: USUAL_BPM });
   const song = songPanel(heard), start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.webcam ? stop("") : begin()) }, say("Record"));
   const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
-  const canvas = el("canvas", { id: "learner", "aria-label": say("your picture with your skeleton") }), count = el("div", { class: "count", "aria-hidden": "true" });
-  const preview = el("canvas", { id: "preview", width: PREVIEW_PX[0], height: PREVIEW_PX[1], "aria-label": say("your dance, as it is cut") });
+  const canvas = el("canvas", { id: "learner", role: "img", "aria-label": say("your picture with your skeleton") }), count = el("div", { class: "count", "aria-hidden": "true" });
+  const preview = el("canvas", { id: "preview", width: PREVIEW_PX[0], height: PREVIEW_PX[1], role: "img", "aria-label": say("your dance, as it is cut") });
   const [from, to] = ["from", "to"].map((id) => el("input", { type: "range", id, min: 0, oninput: cut }));
   const excerpt = el("p", { id: "excerpt", role: "status" }), name = el("input", { id: "name", maxLength: 60, required: true, autocomplete: "off" });
   const editor = el("form", { id: "editor", hidden: true, onsubmit: save }, el("h2", {}, say("Cut and name it")), preview,
@@ -54,7 +54,7 @@ export async function record(main) {
     state.closed = true;
     document.removeEventListener("keydown", onKey);
     for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
-    sound.stop();
+    sound.close();
     state.webcam?.close();
   };
 
@@ -134,12 +134,14 @@ export async function record(main) {
     state.saving = true;
     cut();
     failed.textContent = "";
-    const query = new URLSearchParams({ file: "dance.json", title: name.value.trim(), bpm: 60 / state.beat_s });
+    told.textContent = say("adding {name} …", { name: name.value.trim() });
+    const query = new URLSearchParams({ file: "dance.json", title: name.value.trim() || say("My dance"), bpm: 60 / state.beat_s });
     try {
       const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, ...bounds())) });
       if (!state.closed) location.hash = `#/dance/${identity}`;
     } catch ({ message }) {
       failed.textContent = message;
+      told.textContent = "";
       state.saving = false;
       cut();
     }

@@ -1,6 +1,6 @@
 // After a dance: the score, its course, the worst moments with a replay side by side, what to practise, history and files.
 import { View, loadBody, movementOf } from "./body.js";
-import { GOAL, phraseAt, practisable, practiseAddress, worstPhrase } from "./practice.js";
+import { GOAL, asDanced, phraseAt, practisable, practiseAddress, worstPhrase } from "./practice.js";
 import { OF_LEARNERS, PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars, swatch } from "./tools.js";
 import { say } from "./words.js";
 
@@ -18,14 +18,14 @@ export async function result(main, identity, name) {
   const history = await ask(`/api/history/${identity}?who=${found.who || ""}`);
   const filming = film(base, `${identity}-${name}.mp4`);
   const leave = showResult(main, { found, dance, body, movement }, (phrase) =>
-    practiseAddress(identity, phrase, `&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}&dancer=${found.dancer || 0}`));
+    practiseAddress(identity, phrase, `&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}&${asDanced(found)}`));
   main.append(
     ...beside(found, identity),
     ...latency(found),
     el("h2", {}, say("Your tries")), historyTable(history, identity, name),
     el("p", {}, say("Save as"), " ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
       ...filming.nodes),
-    el("p", {}, el("a", { id: "again", href: `#/dance/${identity}?dancer=${found.dancer || 0}` }, say("Dance again"))),
+    el("p", {}, el("a", { id: "again", href: `#/dance/${identity}?${asDanced(found)}` }, say("Dance again"))),
   );
   return () => {
     filming.stop();
@@ -71,7 +71,7 @@ function furtherOf({ weights = {}, stage = {}, on_stage = [], free = {} }) {
 export function showResult(main, { found, dance, body, movement }, practiseAt = null) {
   const end_s = found.to_s || dance.seconds;
   const state = { time_s: found.from_s, until_s: end_s, playing: false, closed: false, last: 0 };
-  const canvas = el("canvas", { id: "replay", "aria-label": say("the teacher on the left, you on the right") });
+  const canvas = el("canvas", { id: "replay", role: "img", "aria-label": say("the teacher on the left, you on the right") });
   const slider = el("input", { type: "range", id: "scrub", min: found.from_s, max: end_s, step: 0.02, value: found.from_s,
     "aria-label": say("time"), oninput: () => { state.playing = false; seek(Number(slider.value)); } });
   const play = el("button", { type: "button", id: "play", onclick: () => toggle() }, say("Play"));

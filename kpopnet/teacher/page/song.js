@@ -1,5 +1,5 @@
 // The user's own song: dropped on the page, its beats found or tapped here. It stays in the browser, and there for other dances.
-import { BAR_BEATS, beatsOf, tapped } from "./beats.js";
+import { BAR_BEATS, tapped } from "./beats.js";
 import { el, remember, remembered } from "./tools.js";
 import { say } from "./words.js";
 
@@ -12,6 +12,16 @@ let turn = 0; // of the songs that were chosen: what becomes known of an earlier
 // from the one, `speed` that of the song.
 export const songAt = (song_s, speed) => (song.bpm ? { audio, at_s: Math.max(song.one_s + song_s, 0), rate: speed } : null);
 export const songTempo = () => song.bpm;
+
+// The beats of mono samples, found beside the page, which would stand still for seconds: see `beatsOf`.
+function beatsBeside(samples) {
+  const finder = new Worker(new URL("beats_worker.js", import.meta.url), { type: "module" });
+  return new Promise((take, fail) => {
+    finder.addEventListener("message", ({ data: { found, error } }) => (found ? take(found) : fail(new Error(error))));
+    finder.addEventListener("error", () => fail(new Error("no beats were found in it; tap them")));
+    finder.postMessage({ samples, rate: ANALYSED_HZ });
+  }).finally(() => finder.terminate());
+}
 
 // What is chosen and heard of a song; `changed` is called when its beats are known or corrected.
 export function songPanel(changed) {
@@ -60,7 +70,8 @@ export function songPanel(changed) {
     changed(); // the beats of the song before are not this one's
     try {
       const context = new OfflineAudioContext(1, 1, ANALYSED_HZ), decoded = await context.decodeAudioData(await chosen.arrayBuffer());
-      if (mine === turn) keep(remembered(`song.${chosen.name}`, null) || beatsOf(decoded.getChannelData(0), ANALYSED_HZ));
+      const found = remembered(`song.${chosen.name}`, null) || await beatsBeside(decoded.getChannelData(0));
+      if (mine === turn) keep(found);
     } catch (error) {
       if (mine !== turn) return;
       show();

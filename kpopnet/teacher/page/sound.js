@@ -71,6 +71,13 @@ export class Sound {
     this.sources.push(tone);
   }
 
+  // Stops for good: a browser gives a page but few contexts at a time.
+  close() {
+    this.stop();
+    this.context?.close();
+    this.context = null;
+  }
+
   stop() {
     clearTimeout(this.timer);
     for (const source of this.sources) source.stop();

@@ -3,20 +3,19 @@ import { tempoRatio } from "./beats.js";
 import { View, loadBody, movementOf } from "./body.js";
 import { LearnerView } from "./learner.js";
 import { Lane } from "./lane.js";
-import { after, follow, handsFree, letChoose, watching } from "./hands.js";
+import { after, follow, handsFree, letChoose, rest, watching } from "./hands.js";
 import { liveFor } from "./live.js";
 import { inOrder } from "./menu.js";
-import { controls, panels, taught } from "./panels.js";
-import { Practice } from "./practice.js";
+import { alone, controls, panels, taught } from "./panels.js";
+import { Practice, asDanced } from "./practice.js";
 import { songAt, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
-import { OF_LEARNERS, ask, clamp, clock, el, latencyOf, remember, remembered, swatch } from "./tools.js";
+import { OF_LEARNERS, ask, clamp, clock, el, keyOf, latencyOf, remember, remembered, swatch } from "./tools.js";
 import { HandsHeld, InPlace, praise, starsOf, streakAfter } from "./verdicts.js";
 import { say } from "./words.js";
 
 const COUNTS = 4;
 const AGAIN_S = 2;
-const GROUP_M = 3.8; // from the camera to a group without width
 const FAINT = 0.35;
 const SLOWEST = 0.25, FASTEST = 1.5; // of a lesson
 
@@ -37,7 +36,7 @@ export async function stage(main, identity, wanted) {
     dancer.group.position.z = -one.place_m[1];
     return Object.assign(dancer, { movement: movementOf(one) });
   });
-  if (group.length > 1) view.back(GROUP_M + 2 * Math.max(...group.map((one) => Math.abs(one.group.position.x))));
+  if (group.length > 1) view.fit(group.map((one) => one.group.position));
   view.mirror(parts.mirrored.checked);
   const live = liveFor({ preparing, ready, frame, drawn, verdict, away, paused, back, done, error, lost });
 
@@ -50,23 +49,24 @@ export async function stage(main, identity, wanted) {
   parts.phrase.addEventListener("change", () => { if (!state.running) showExcerpt(); });
   for (const one of [parts.dancer, parts.people, parts.source]) one.addEventListener("change", showDanced);
   const onKey = (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || (event.repeat && !event.key.startsWith("Arrow"))) return; // the browser's
+    const key = keyOf(event);
+    if (event.ctrlKey || event.metaKey || event.altKey || (event.repeat && !key.startsWith("Arrow"))) return; // the browser's
     // A button keeps the focus after a click: only the space bar is its own then.
-    const taken = event.key === " " ? "input, select, button, a, summary, audio" : "input:not([type=checkbox]), select, audio";
+    const taken = key === " " ? "input, select, button, a, summary, audio" : "input:not([type=checkbox]), select, audio";
     if (event.target.closest(taken)) return;
-    if (event.key === " ") parts.start.click();
-    else if (event.key === "ArrowLeft") view.turn(-0.2);
-    else if (event.key === "ArrowRight") view.turn(0.2);
-    else if (event.key === "m") parts.mirrored.click();
-    else if (event.key === "f") fullScreen();
-    else if (event.key === "p") pause();
+    if (key === " ") parts.start.click();
+    else if (key === "ArrowLeft") view.turn(-0.2);
+    else if (key === "ArrowRight") view.turn(0.2);
+    else if (key === "m") parts.mirrored.click();
+    else if (key === "f") fullScreen();
+    else if (key === "p") pause();
     else return;
     event.preventDefault();
   };
   document.addEventListener("keydown", onKey);
   const onDrag = (event) => {
     const [dropped] = event.dataTransfer.files;
-    if (event.type === "drop" && dropped) chooseSong(dropped);
+    if (event.type === "drop" && dropped && !state.running) chooseSong(dropped);
     event.preventDefault();
   };
   for (const kind of ["dragover", "drop"]) document.addEventListener(kind, onDrag);
@@ -82,7 +82,7 @@ export async function stage(main, identity, wanted) {
     state.closed = true;
     document.removeEventListener("keydown", onKey);
     for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
-    sound.stop();
+    sound.close();
     live.leave();
     view.close();
   };
@@ -141,11 +141,26 @@ export async function stage(main, identity, wanted) {
     start();
   }
 
+  function speed() {
+    return clamp(Number(parts.speed.value) / 100 * followed(), SLOWEST, FASTEST);
+  }
+
+  // What another round may change: the lesson is prepared anew then.
+  function asked() {
+    return [speed(), parts.phrase.value, parts.skill.value, parts.fault.value, parts.seed.value].join();
+  }
+
+  // What the server hears at the start alone, of whom and by what, stays as it is until the dance ends.
+  function hold(running) {
+    for (const one of [parts.mirrored, parts.dancer, parts.source, song.panel.querySelector("#song-file")]) one.disabled = running;
+    parts.people.disabled = running || alone(parts.source.value);
+  }
+
   function start() {
     if (state.practice) parts.speed.value = state.practice.speed;
     sound.wake();
     showExcerpt();
-    state.speed = clamp(Number(parts.speed.value) / 100 * followed(), SLOWEST, FASTEST);
+    Object.assign(state, { speed: speed(), asked: asked() });
     if (!state.practice) remember("speed", parts.speed.value);
     remember("source", parts.source.value);
     remember("people", Number(parts.people.value));
@@ -153,7 +168,7 @@ export async function stage(main, identity, wanted) {
     Object.assign(state, { running: true, ready: false, start: 0, paused_s: null });
     main.dataset.busy = "";
     parts.start.textContent = say("Stop");
-    parts.mirrored.disabled = true; // how it is scored was said at the start
+    hold(true);
     shown.error.textContent = "";
     shown.preparing.hidden = false;
     live.send({
@@ -173,9 +188,10 @@ export async function stage(main, identity, wanted) {
     shown.beginNow.hidden = true;
     clearTimeout(state.again);
     sound.stop();
+    rest("");
     live.send(watches && handsFree() ? watching(dance, parts.source.value) : { do: "stop" });
     parts.start.textContent = say("Start");
-    parts.mirrored.disabled = false;
+    hold(false);
     shown.preparing.hidden = true;
     shown.count.textContent = "";
     shown.error.textContent = message;
@@ -257,6 +273,7 @@ export async function stage(main, identity, wanted) {
   }
 
   function done(result) {
+    if (!state.running) return undefined; // it was on its way when the dance was stopped
     sound.stop();
     shown.words.textContent = result.total === null ? say(result.hints[0]) : say("{total} of 100", { total: Math.round(result.total) });
     shown.score.textContent = result.total === null ? "–" : Math.round(result.total);
@@ -271,7 +288,7 @@ export async function stage(main, identity, wanted) {
     if (parts.loop.checked && result.total !== null) {
       state.start = 0;
       shown.count.textContent = say("again");
-      later(begin);
+      later(() => (asked() === state.asked ? begin() : start()));
       return undefined;
     }
     stop(result.total === null ? say(result.hints[0]) : notSaved(result), !result.session);
@@ -282,7 +299,7 @@ export async function stage(main, identity, wanted) {
   function finishPractice(message) {
     parts.practise.value = "";
     stop(message);
-    shown.practice.append(" ", el("a", { href: `#/dance/${identity}`, onclick: () => { parts.phrase.value = ""; showExcerpt(); } }, say("Dance the whole dance")));
+    shown.practice.append(" ", el("a", { href: `#/dance/${identity}?${asDanced({ dancer: parts.dancer.value, mirrored: parts.mirrored.checked })}`, onclick: () => { parts.phrase.value = ""; showExcerpt(); } }, say("Dance the whole dance")));
   }
 
   function showStreak(streak) {
@@ -303,7 +320,7 @@ export async function stage(main, identity, wanted) {
 
   // How many dance beside each other, and a line for each where there are several: in a group also whom they dance.
   function peopleOf() {
-    return parts.people.disabled ? 1 : Number(parts.people.value);
+    return alone(parts.source.value) ? 1 : Number(parts.people.value);
   }
 
   function nameTaught() {
@@ -323,6 +340,7 @@ export async function stage(main, identity, wanted) {
     if (state.start) state.start_s += Math.max(performance.now() - state.start, 0) / 1000 * state.speed;
     state.start = 0;
     sound.stop();
+    rest("");
     shown.guide.textContent = say(text);
     shown.count.textContent = "";
   }
@@ -334,6 +352,7 @@ export async function stage(main, identity, wanted) {
   }
 
   function paused({ from_s }) {
+    if (!state.running) return;
     away({ text: "" });
     Object.assign(state, { paused_s: from_s, start_s: from_s });
     shown.words.textContent = say("paused: hands together above your head, or p, to go on");

@@ -19,7 +19,7 @@ export function el(tag, properties = {}, ...children) {
 export async function ask(path, options = {}) {
   const response = await fetch(path, options);
   const type = response.headers.get("content-type") || "";
-  const content = type.includes("json") ? await response.json() : { error: await response.text() };
+  const content = type.includes("json") ? await response.json() : { error: (await response.text()).trim() };
   if (!response.ok) throw new Error(say(content.error || response.statusText));
   return content;
 }
@@ -54,6 +54,13 @@ export function clock(seconds) {
 
 export function clamp(value, low, high) {
   return Math.min(Math.max(value, low), high);
+}
+
+// The key of an event. Of a letter the small one, with Caps Lock too, and where the layout has another script the one that stands
+// there on a keyboard of Latin letters.
+export function keyOf({ key, code = "" }) {
+  if (/^Key[A-Z]$/.test(code) && !/^[a-z]$/i.test(key)) return code[3].toLowerCase();
+  return key.length === 1 ? key.toLowerCase() : key;
 }
 
 // The latency of a set-up, by its source of depth, in seconds; null where none was measured.

@@ -3,7 +3,7 @@ import { View } from "./body.js";
 import { Figure } from "./figure.js";
 import { LearnerView } from "./learner.js";
 import { Live } from "./live.js";
-import { clock, el, swatch } from "./tools.js";
+import { clock, el, keyOf, swatch } from "./tools.js";
 
 // Paul Tol's bright colours, which people who mix up colours tell apart.
 const COLOURS = ["#66ccee", "#ee6677", "#ccbb44", "#228833", "#aa3377", "#4477aa"];
@@ -25,7 +25,7 @@ for (const [name, order] of Object.entries(ORDERS)) {
   } });
 }
 const depth = el("canvas", { id: "depth", "aria-label": "depth with everybody's skeleton" });
-const room = el("canvas", { id: "room", "aria-label": "everybody's skeleton in 3D; the left and right keys turn the view" });
+const room = el("canvas", { id: "room", role: "img", "aria-label": "everybody's skeleton in 3D; the left and right keys turn the view" });
 const told = el("div", { class: "guide", id: "told", role: "status" });
 const title = el("h1", {}, "kpopnet live"), numbers = el("p", { id: "numbers" });
 const people = el("ul", { class: "list", id: "people" }), said = el("ul", { class: "list quiet", id: "said", role: "log" });
@@ -46,7 +46,7 @@ live.connect();
 document.addEventListener("keydown", (event) => {
   const typing = event.key === " " && event.target.closest("button");
   if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-  const order = Object.values(ORDERS).find(({ key }) => key === event.key.toLowerCase());
+  const order = Object.values(ORDERS).find(({ key }) => key === keyOf(event));
   if (order && !event.repeat) order.button.click();
   else if (event.key === "ArrowLeft" || event.key === "ArrowRight") view.turn(event.key === "ArrowLeft" ? -TURNED : TURNED);
   else return;

@@ -111,12 +111,20 @@ export function loadPose() {
     const script = Object.assign(document.createElement("script"), { src: `${VENDOR}pose.js` });
     script.addEventListener("error", () => fail(new Error(say("the teacher's program does not answer; is it still running?"))));
     script.addEventListener("load", async () => {
-      const pose = new globalThis.Pose({ locateFile: (name) => VENDOR + name });
-      // Its smoothing over time would delay the points; the scorer has its own.
-      pose.setOptions({ modelComplexity: 0, smoothLandmarks: false, useCpuInference: true });
-      await pose.initialize().then(() => take(pose), fail);
+      try {
+        const pose = new globalThis.Pose({ locateFile: (name) => VENDOR + name });
+        // Its smoothing over time would delay the points; the scorer has its own.
+        pose.setOptions({ modelComplexity: 0, smoothLandmarks: false, useCpuInference: true });
+        await pose.initialize();
+        take(pose);
+      } catch (error) {
+        fail(error);
+      }
     });
     document.head.append(script);
+  }).catch((error) => {
+    loaded = null; // the next lesson tries again
+    throw error;
   });
   return loaded;
 }

@@ -20,9 +20,10 @@ function chosen() {
 // A text by its English words, with what fills its gaps such as {name}; or, whole, as the server sends it (`keyed` of
 // kpopnet/languages). What stands before "|" tells apart texts that are equal in English alone. Other texts are said as they are.
 export function say(message, values = {}) {
+  if (message === null || message === undefined) return "–"; // whoever sent it knew no more
   if (typeof message === "object") return say(message.say, message);
-  const text = CATALOGUES[language][message] || message.replace(/^\w+\|/, "");
-  return text.replace(/\{(\w+)\}/g, (gap, name) => (name in values ? shown(values[name]) : gap));
+  const text = Object.hasOwn(CATALOGUES[language], message) ? CATALOGUES[language][message] : message.replace(/^\w+\|/, "");
+  return text.replace(/\{(\w+)\}/g, (gap, name) => (Object.hasOwn(values, name) ? shown(values[name]) : gap));
 }
 
 function shown(value) {

@@ -13,9 +13,12 @@ import pytest
 from depth_files import CAMERA, depth_mm, write_npz
 from programs import ROOT
 
+from kpopnet.errors import InputError
+from kpopnet.languages import Said, in_language
 from kpopnet.sources import arrays, open_depth
 from kpopnet.sources.arrays import DepthWriter
-from kpopnet.sources.live import PlayedRecording
+from kpopnet.sources.live import NewestImage, PlayedRecording
+from kpopnet.sources.source import CameraAwayError
 
 MILLIMETRES = depth_mm(6)
 METRES = MILLIMETRES.astype(np.float32) / 1000
@@ -96,3 +99,23 @@ def test_a_kill_leaves_a_recording_that_opens(tmp_path):
     assert len(read) >= images
     for number, image in enumerate(read):
         assert image.time_s == number / 30 and image.depth_m.min() == np.float32((number + 1) / 1000)
+
+
+def test_what_a_camera_says_can_be_said_in_the_language_of_the_page():
+    errors = [
+        CameraAwayError(Said("no OAK camera starts ({reason}); plug it in", reason="busy")),
+        InputError(Said("the recording of depth has ended")),
+    ]
+
+    def read():
+        if len(errors) == 1:
+            waited.append(images.away)
+        raise errors.pop(0)
+
+    waited: list[str] = []
+    camera = SimpleNamespace(read=lambda: time.sleep(0.1) or read(), close=lambda: None)
+    images = NewestImage(camera)
+    images.fetch(10.0)
+    assert in_language(waited[0], "de") == "keine OAK-Kamera startet (busy); schließe sie an"
+    assert in_language(images.error, "de") == "die Kamera ist stehen geblieben: die Tiefenaufnahme ist zu Ende"
+    images.close()

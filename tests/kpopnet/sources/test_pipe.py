@@ -13,6 +13,7 @@ import pytest
 from depth_files import CAMERA, FPS, depth_mm, sent_image, sent_line, write_sent
 
 from kpopnet.errors import InputError
+from kpopnet.languages import in_language
 from kpopnet.sources import open_depth
 from kpopnet.sources.lenses import Lens, Optics
 from kpopnet.sources.live import pipe
@@ -148,8 +149,9 @@ def test_of_images_that_wait_the_newest_is_given(sender):
     sender.send(*map(sent_image, IMAGES))
     time.sleep(0.2)
     np.testing.assert_array_equal(camera.read()[0], IMAGES[-1].astype(np.float32) / 1000)
-    with pytest.raises(CameraAwayError, match="sends nothing; look at the program"):
+    with pytest.raises(CameraAwayError, match="sends nothing; look at the program") as caught:
         camera.read()
+    assert "sendet nichts" in in_language(caught.value.said, "de")
 
 
 def test_a_sender_ends_and_comes_back(sender):
@@ -168,8 +170,9 @@ def test_a_sender_ends_and_comes_back(sender):
     sender.end()
     sender.begin()
     sender.accept(sent_line(fx=99.0))
-    with pytest.raises(InputError, match="another camera"):
+    with pytest.raises(InputError, match="another camera") as caught:
         next_image(camera)
+    assert "jetzt sendet eine andere Kamera" in in_language(caught.value.said, "de")
 
 
 def test_the_lens_is_undone(sender):

@@ -119,6 +119,37 @@ def test_it_ends_whatever_its_threads_do(tmp_path):
             assert process.wait(30) == 0 and process.stderr.read() == ""
 
 
+STARTING = """
+import argparse, asyncio
+from aiohttp import web
+from kpopnet.teacher.hosting import host
+async def opens_a_camera(app):
+    print("opening", flush=True)
+    try:
+        await asyncio.sleep(60)
+        yield
+    finally:
+        print("closed", flush=True)
+def make(hosts, keys):
+    app = web.Application()
+    app.cleanup_ctx.append(opens_a_camera)
+    return app
+host(make, argparse.Namespace(host="127.0.0.1", port=0, no_browser=True), "look at")
+"""
+
+
+def test_it_ends_while_it_starts():
+    with subprocess.Popen(
+        [sys.executable, "-c", STARTING], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as one:
+        try:
+            assert one.stdout.readline() == "opening\n"
+            one.send_signal(signal.SIGINT)
+            assert one.wait(30) == 0 and one.stderr.read() == "" and one.stdout.read() == "closed\n"
+        finally:
+            one.kill()
+
+
 LESSONS = """
 import asyncio, sys
 from kpopnet.teacher.live import process

@@ -1,9 +1,12 @@
 """Profiles at the server's door: names, whose tries are whose, taking them along, deleting them."""
 
+import errno
 import io
 import json
+import os
 import zipfile
 
+import numpy as np
 import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
@@ -11,6 +14,7 @@ pytest.importorskip("aiohttp", reason="the extra app is not installed")
 from teacher_page import english, with_client
 
 from kpopnet.errors import InputError
+from kpopnet.runtime.atomic_write import hidden_name
 from kpopnet.teacher.profiles import Profile, Profiles
 
 
@@ -53,7 +57,9 @@ def test_strange_names_and_messages_are_refused_and_never_become_paths(teaching)
         assert (await client.post("/api/profiles", data=profile_json("../../x"))).status == 200  # a name like another
         for data in (*wrong, "", "[]", "{}", '{"name": "A", "age": 3}', "x" * 100):
             answer = await client.post("/api/profiles", data=data)
-            assert answer.status == 400 and "\n" not in (await answer.json())["error"], data
+            assert answer.status == 400 and "\n" not in english((await answer.json())["error"]), data
+        told = (await (await client.post("/api/profiles", data=profile_json("a" * 41))).json())["error"]
+        assert told == {"say": "a name has 1 to {most} letters that can be printed, without spaces around them", "most": 40}
         for who in ("..%2ftries", "p_00000000", "p_0000000", "x" * 300):
             for ask in (client.get, client.delete):
                 assert (await ask(f"/api/profiles/{who}")).status == 400
@@ -72,3 +78,50 @@ def test_a_damaged_profile_is_left_out(teaching, tmp_path):
     assert profiles.names() == {}
     with pytest.raises(InputError):
         profiles.profile(who)
+
+
+ARRAYS = {"joints_m": np.zeros((3, 15, 3), np.float32), "times_s": np.arange(3.0), "confidence": np.ones((3, 15), np.float32)}
+
+
+def left(folder) -> set[str]:
+    """The names of the files under a folder."""
+    return {path.name for path in folder.rglob("*") if path.is_file()}
+
+
+def test_nothing_is_left_of_a_profile_that_is_deleted_while_its_try_is_saved_or_filmed(teaching, tried, tmp_path, monkeypatch):
+    tries = teaching.tries
+    profiles = Profiles(tmp_path / "profiles", tries)
+    who, save = profiles.add(Profile("Mina")), tries.save
+    name = tried(2.0, who=who)
+    (tries.folder / "dance_001" / hidden_name(f"{name}.mp4")).write_bytes(b"half a film")
+
+    def save_slowly(result, arrays):
+        profiles.delete(who)
+        return save(result, arrays)
+
+    monkeypatch.setattr(tries, "save", save_slowly)
+    with pytest.raises(InputError, match="no such profile"):
+        profiles.keep({"dance": "dance_001", "who": who, "total": 1.0}, ARRAYS)
+    assert left(tries.folder) == left(profiles.folder) == set()
+    monkeypatch.undo()
+    assert tries.result("dance_001", profiles.keep({"dance": "dance_001", "who": "", "total": 1.0}, ARRAYS))["total"] == 1
+
+
+def test_a_try_that_a_full_disk_or_a_kill_interrupts_leaves_no_joints(teaching, tried, tmp_path, monkeypatch):
+    tries, profiles = teaching.tries, Profiles(tmp_path / "profiles", teaching.tries)
+
+    def full(*_given, **_named):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for place, name in ((np, "savez_compressed"), (json, "dumps")):
+        with monkeypatch.context() as patched:
+            patched.setattr(place, name, full)
+            with pytest.raises(OSError, match="No space"):
+                tried(1.0)
+    assert left(tries.folder) == set()
+    killed, saving = tried(1.0), tried(1.0)
+    for one in (killed, saving):
+        tries.path("dance_001", one, "json").unlink()
+    os.utime(tries.folder / "dance_001" / f"{killed}.npz", (0, 0))
+    profiles.delete(profiles.add(Profile("Mina")))
+    assert left(tries.folder) == {f"{saving}.npz"}

@@ -3,11 +3,13 @@
 import asyncio
 import io
 import json
+import pickle
 import random
 import struct
 import time
 from collections import Counter
 from dataclasses import replace
+from unittest.mock import Mock
 from urllib.parse import urljoin
 
 import numpy as np
@@ -32,7 +34,10 @@ def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
     async def work(client):
         page = await client.get("/")
         assert page.status == 200 and "script-src 'self'" in page.headers["Content-Security-Policy"]
-        seen, waiting = set(), ["/page/app.js", "/page/style.css", "/page/icon.svg", "/page/vendor/three.LICENSE"]
+        seen, waiting = (
+            set(),
+            ["/page/app.js", "/page/style.css", "/page/icon.svg", "/page/beats_worker.js", "/page/vendor/three.LICENSE"],
+        )
         text = await page.text()
         assert all(path in text for path in waiting[:3])
         while waiting:
@@ -166,7 +171,8 @@ def test_dances_of_ones_own_that_are_uploaded_at_once_get_names_of_their_own_and
             answer = await client.post(f"/api/dances?{query}", data=content)
             message = english((await answer.json())["error"])
             assert answer.status == 400 and told in message and "/tmp" not in message and "\n" not in message, query
-        assert (await client.post("/api/dances?file=a.bvh", data=io.BytesIO(bytes(MAX_UPLOAD_BYTES + 1)))).status == 413
+        answer = await client.post("/api/dances?file=a.bvh", data=io.BytesIO(bytes(MAX_UPLOAD_BYTES + 1)))
+        assert answer.status == 413 and english((await answer.json())["error"]) == "the file is larger than 32 MB"
 
     with_client(replace(teaching, library=mine), work)
 
@@ -247,6 +253,24 @@ def test_saved_tries_are_listed_and_given_as_files_and_a_broken_one_is_left_out(
         assert await (await client.get("/api/history/dance_002")).json() == []
 
     with_client(teaching, work)
+
+
+def test_a_history_reads_a_try_once_unless_it_changes_and_forgets_one_that_is_gone(teaching, tried, monkeypatch):
+    tries, read = teaching.tries, []
+    kept, changed, gone = (tried(2.0) for _ in range(3))
+    result = tries.result
+    monkeypatch.setattr(tries, "result", lambda dance, name: [read.append(name), result(dance, name)][1])
+    assert [one["session"] for one in tries.history("dance_001")] == [gone, changed, kept] == read
+    for suffix in ("json", "npz"):
+        tries.path("dance_001", gone, suffix).unlink()
+    tries.path("dance_001", changed, "json").write_text(
+        json.dumps({"total": 3.0, "who": "", "phrases": [{"start_s": 0.0, "total": 3.0, "end_s": 4.0}]})
+    )
+    read.clear()
+    first, second = tries.history("dance_001")
+    assert (first["total"], first["phrases"], second["total"]) == (3.0, [{"start_s": 0.0, "total": 3.0}], 81.5)
+    assert read == [changed] and "who" not in first and tries.history("dance_001", "p_00000000") == []
+    assert pickle.loads(pickle.dumps(tries)).history("dance_001") == [first, second]
 
 
 def test_a_try_before_a_webcam_that_never_saw_the_feet_is_replayed(teaching, tried):
@@ -354,3 +378,14 @@ def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching):
     (of_second, of_third) = teaching.tries.result("dance_001", done["session"])["members"]
     assert of_third == {"session": None, "total": None} and of_second["total"] == 50.0
     assert teaching.tries.result("dance_001", of_second["session"])["total"] == 50.0
+
+
+def test_a_try_that_cannot_be_saved_says_why_or_what_the_system_says(teaching, monkeypatch):
+    lessons = PageLessons(Said(), make_app(teaching, ("127.0.0.1",)))
+    for error, reason in (
+        (OSError(28, "No space left on device"), "No space left on device"),
+        (OSError("it is gone"), "it is gone"),
+    ):
+        monkeypatch.setattr(lessons._profiles, "keep", Mock(side_effect=error))
+        told = asyncio.run(lessons._keep({"dance": "dance_001", "who": "", "total": 1.0}, {}))["not_saved"]
+        assert told == {"say": "this try could not be saved: {reason}", "reason": reason}

@@ -123,6 +123,15 @@ def test_who_mirrors_a_teacher_on_a_stage_is_told_of_their_own_sides(dance):
     shown = one.shown(clock, image, person, CAMERA)
     assert shown["parts"]["left arm"] < 50 < 90 < shown["parts"]["right arm"]
     assert any(text.startswith("left arm") for text in words) and not any("right arm" in text for text in words)
+    result, _ = one.finish(0)  # as while dancing
+    assert (
+        result["parts"]["left arm"] < 50 < 90 < result["parts"]["right arm"] and "compared as in a mirror" in result["hints"][0]
+    )
+    assert np.mean(result["course"]["parts"]["left arm"]) < 50 and result["coverage"]["left arm"] > 0.9
+    moments = [*result["worst"], *(moment for phrase in result["phrases"] for moment in phrase["moments"])]
+    told = [text for moment in moments for text in (moment["words"], moment["text"], moment["part"])]
+    assert any(text.startswith("left arm") for text in told) and not any("right" in text for text in [*told, *result["faults"]])
+    assert result["praise"][0].startswith("right nearly throughout: ") and "right arm" in result["praise"][0], result["praise"]
 
 
 def verdicts(dance, learner: Performance, seconds: float = 6.5) -> list[tuple[float, dict]]:

@@ -2,7 +2,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { Dancer, movementOf } from "../../../../kpopnet/teacher/page/body.js";
+import { Dancer, distanceOf, movementOf } from "../../../../kpopnet/teacher/page/body.js";
+import { PerspectiveCamera, Vector3 } from "../../../../kpopnet/teacher/page/vendor/three.js";
 
 const packed = (array) => btoa(String.fromCharCode(...new Uint8Array(array.buffer)));
 const EYE = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
@@ -39,4 +40,16 @@ test("a movement that begins later is shown later", () => {
   dancer.movement = { ...MOVEMENT, begin_s: 4 };
   dancer.show(4.25);
   assert.ok(Math.abs(dancer.bones[0].position.z - 2) < 1e-6);
+});
+
+test("a group is seen from its left to its right, in a wide picture and on a phone", () => {
+  for (const [aspect, least_m] of [[1.5, 3.8], [187 / 248, 6]]) {
+    for (const half_m of [0, 1.2, 4.8]) {
+      const places = [{ x: -half_m, z: 0 }, { x: half_m, z: 1 }], camera = new PerspectiveCamera(38, aspect, 0.1, 60);
+      camera.position.set(0, 1, distanceOf(places, aspect));
+      camera.updateMatrixWorld();
+      for (const { x, z } of places) assert.ok(Math.abs(new Vector3(x, 1, z).project(camera).x) < 0.9, `${half_m} m at ${aspect}`);
+      assert.ok(distanceOf(places, aspect) >= 3.8 && (half_m < 4 || distanceOf(places, aspect) > least_m));
+    }
+  }
 });

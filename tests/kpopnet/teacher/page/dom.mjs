@@ -1,7 +1,8 @@
 // As much of a browser's document as building a view needs; imported before the modules of the page.
 class Node {
   constructor(tag) {
-    Object.assign(this, { tag, style: {}, dataset: {}, children: [], listeners: {}, textContent: "", value: "", paused: true });
+    Object.assign(this, { tag, style: { setProperty() {} }, dataset: {}, children: [], listeners: {}, textContent: "", value: "", paused: true });
+    Object.assign(this, { isConnected: true, classList: { toggle() {} } });
   }
 
   get options() {
@@ -29,6 +30,22 @@ class Node {
   // By "#identity" alone.
   querySelector(selector) {
     return allOf(this).find(({ id }) => `#${id}` === selector) || null;
+  }
+
+  querySelectorAll() {
+    return [];
+  }
+
+  closest() {
+    return new Node("li");
+  }
+
+  getBoundingClientRect() {
+    return { left: 0, right: 1, top: 0, bottom: 1 };
+  }
+
+  click() {
+    this.listeners.click?.({ detail: 1 });
   }
 
   getContext() {

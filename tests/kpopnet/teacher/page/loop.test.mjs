@@ -5,28 +5,43 @@ import { laneX } from "../../../../kpopnet/teacher/page/lane.js";
 import { Practice, weekPlan, worstPhrase } from "../../../../kpopnet/teacher/page/practice.js";
 import { HandsHeld, InPlace, praise, starsOf, streakAfter } from "../../../../kpopnet/teacher/page/verdicts.js";
 
+const RAISED = Object.assign(Array.from({ length: 15 }, () => [0.5, 0.5, 2, 1]),
+  { 0: [0.5, 0.2, 2, 1], 1: [0.5, 0.3, 2, 1], 6: [0.48, 0.1, 2, 1], 7: [0.52, 0.1, 2, 1] });
+
 test("better scores earn more, and who is not seen ends a streak", () => {
   assert.deepEqual([null, 0, 30, 55, 75, 90].map(praise), ["not seen", "watch the teacher", "keep going", "good", "great", "perfect"]);
   assert.deepEqual([null, 29, 65, 100].map(starsOf), ["☆☆☆☆☆", "☆☆☆☆☆", "★★★☆☆", "★★★★★"]);
   assert.deepEqual([80, 75, 74, 99, null].reduce((all, one) => [...all, streakAfter(all.at(-1), one)], [0]), [0, 1, 2, 0, 1, 0]);
 });
 
+// What is seen for that long, in images 100 ms apart, from a time on; whether it was enough at the end, and before.
+function seen(place, what, from_ms, lasts_ms) {
+  const found = [];
+  for (let at_ms = from_ms; at_ms <= from_ms + lasts_ms; at_ms += 100) found.push(place.see(what, at_ms));
+  return [found.at(-1), found.slice(0, -1).some(Boolean)];
+}
+
 test("the dance waits for a second in place, longer where the camera sees the feet badly, for ever where nobody is", () => {
   const place = new InPlace(), good = { joints: [], guidance: "" }, hinted = { joints: [], guidance: "your feet are hidden" };
   const nobody = { joints: null, guidance: "no person seen" };
-  assert.ok(!place.see(nobody, 0) && !place.see(nobody, 60000) && !place.see(good, 60100) && !place.see(nobody, 60900));
-  assert.ok(!place.see(good, 61000) && !place.see(good, 61900) && place.see(good, 62000));
-  const hidden = new InPlace();
-  assert.ok(!hidden.see(hinted, 0) && !hidden.see(hinted, 7900) && hidden.see(hinted, 8000));
+  assert.deepEqual(seen(place, nobody, 0, 60000), [false, false]);
+  assert.deepEqual([seen(place, good, 60100, 700), seen(place, nobody, 60900, 0)], [[false, false], [false, false]]);
+  assert.deepEqual(seen(place, good, 61000, 1000), [true, false]);
+  assert.deepEqual(seen(new InPlace(), hinted, 0, 8000), [true, false]);
+});
+
+test("what happened between two images far apart nobody saw: nobody is in place by it, or asks for a pause", () => {
+  const place = new InPlace(), held = new HandsHeld(), good = { joints: [], guidance: "" };
+  assert.ok(!place.see(good, 0) && !place.see(good, 5000) && !held.see(RAISED, 0, 1) && !held.see(RAISED, 5000, 1));
+  assert.ok([10000, 15000, 20000].map((at) => place.see(good, at)).at(-1), "a slow machine takes longer");
 });
 
 test("hands held together above the head ask for a pause, once until they are let go, and longer in a slowed dance", () => {
-  const joints = Array.from({ length: 15 }, () => [0.5, 0.5, 2, 1]), held = new HandsHeld();
-  Object.assign(joints, { 0: [0.5, 0.2, 2, 1], 1: [0.5, 0.3, 2, 1], 6: [0.48, 0.1, 2, 1], 7: [0.52, 0.1, 2, 1] });
+  const joints = RAISED, held = new HandsHeld(), times = (from, to, speed) => Array.from({ length: (to - from) / 100 + 1 }, (_, k) => held.see(joints, from + 100 * k, speed));
   const apart = joints.with(7, [0.9, 0.1, 2, 1]), low = joints.with(7, [0.52, 0.4, 2, 1]), unseen = joints.with(7, [null, null, null, 0]);
-  assert.deepEqual([0, 1400, 1500, 3000, 9000].map((at) => held.see(joints, at, 1)), [false, false, true, false, false]);
+  assert.deepEqual(times(0, 9000, 1).flatMap((pauses, k) => (pauses ? [k] : [])), [15]);
   for (const other of [apart, low, unseen, null]) assert.ok(!held.see(other, 10000, 1) && !held.see(joints, 10001, 1) && !held.see(other, 11600, 1));
-  assert.deepEqual([20000, 22900, 23000].map((at) => held.see(joints, at, 0.5)), [false, false, true]);
+  assert.deepEqual(times(20000, 23000, 0.5).flatMap((pauses, k) => (pauses ? [k] : [])), [30]);
 });
 
 test("a card meets the line at its own time and moves a beat's width a beat", () => {
@@ -58,4 +73,6 @@ test("the week's plan holds the three worst phrases of late, by their latest try
     ["d, phrase 2 (79 of 100)"]); // 79.6 is shown as 80, the goal
   const third = { ...one("20260301-120000-000", 20), dancer: 2 }, first = { ...one("20260302-120000-000", 90), dancer: 0 };
   assert.deepEqual(weekPlan([dance("group", first, third)], new Date(2026, 2, 3)).map(({ href }) => href.split("&").at(-1)), ["dancer=2"]);
+  const unmirrored = weekPlan([dance("stage", { ...one("20260301-120000-000", 20), mirrored: false })], new Date(2026, 2, 3));
+  assert.ok(unmirrored[0].href.endsWith("&dancer=0&mirrored=0"));
 });

@@ -54,6 +54,13 @@ test("what is held is chosen once; passing over it, and holding first what was u
   assert.deepEqual(chosen(dwell, ["c", 3000], [null, 500], ["c", 1500]), ["c"]);
 });
 
+test("a gap between images is no holding", () => {
+  const dwell = new Dwell();
+  dwell.see(null, 0);
+  assert.deepEqual([100, 140, 5000].map((at_ms) => dwell.see("a", at_ms)), [null, null, null]);
+  assert.ok(dwell.progress < 0.3);
+});
+
 test("a hand that is lost for a moment goes on, one that is gone begins again", () => {
   const dwell = new Dwell();
   assert.deepEqual(chosen(dwell, [null, 500], ["a", 800], [null, 200], ["a", 700]), ["a"]);

@@ -42,6 +42,17 @@ test("a song that plays already is heard from where the dance begins on", () => 
   sound.stop();
 });
 
+test("a view that is left stops its sound for good", () => {
+  const sound = new Sound(), done = [];
+  sound.close(); // before it made any
+  sound.wake();
+  Object.assign(sound.context, { close: async () => done.push("closed") });
+  sound.play({ in_s: 2.3, from_s: 0, to_s: 2, beat_s: 0.5, speed: 1, counts: 4, music: "none" });
+  for (const source of sound.sources) source.stop = () => done.push("stopped");
+  sound.close();
+  assert.deepEqual([done, sound.context], [[...Array(4).fill("stopped"), "closed"], null]);
+});
+
 test("at half the speed beats are twice as far apart", () => {
   assert.deepEqual(ticks({ in_s: 4.3, speed: 0.5 }).map(([at]) => at), [0.3, 1.3, 2.3, 3.3, 4.3, 5.3, 6.3, 7.3]);
 });

@@ -7,7 +7,7 @@ globalThis.localStorage = {
   getItem: (name) => (name in stored ? stored[name] : null),
   setItem: (name, value) => { stored[name] = String(value); },
 };
-const { clamp, clock, followed, keepLatency, latencyOf, milliseconds, remember, remembered, shade, unpacked } =
+const { clamp, clock, followed, keepLatency, keyOf, latencyOf, milliseconds, remember, remembered, shade, unpacked } =
   await import("../../../../kpopnet/teacher/page/tools.js");
 
 beforeEach(() => { stored = {}; });
@@ -18,6 +18,11 @@ test("a time is minutes and seconds, never negative", () => {
 
 test("a number is kept between two others", () => {
   assert.deepEqual([-1, 0.5, 3].map((value) => clamp(value, 0, 1)), [0, 0.5, 1]);
+});
+
+test("a letter is itself with Caps Lock, on a Korean layout, and where layouts of Latin letters have it elsewhere", () => {
+  const keys = [["p", "KeyP"], ["P", "KeyP"], ["ㅔ", "KeyP"], ["Process", "KeyP"], ["p", "KeyR"], [" ", "Space"], ["ArrowLeft", "ArrowLeft"], ["p"]];
+  assert.deepEqual(keys.map(([key, code]) => keyOf({ key, code })), ["p", "p", "p", "p", "p", " ", "ArrowLeft", "p"]);
 });
 
 test("what is right is brighter, and in the other palette bluer", () => {

@@ -6,9 +6,10 @@ import { allOf } from "./dom.mjs";
 const PAGE = "../../../../kpopnet/teacher/page/";
 const { controls, taught } = await import(`${PAGE}panels.js`);
 const { after } = await import(`${PAGE}hands.js`);
-const { phraseAt } = await import(`${PAGE}practice.js`);
+const { asDanced, phraseAt } = await import(`${PAGE}practice.js`);
 const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
 const { menu } = await import(`${PAGE}menu.js`);
+const { myself } = await import(`${PAGE}mine.js`);
 const { songAt, songPanel, songTempo } = await import(`${PAGE}song.js`);
 
 const OFFER = { sources: { simulated: "a simulated learner" }, skills: ["good"], faults: [""] };
@@ -40,6 +41,39 @@ test("dancers are counted from the left of who faces the screen, with the mirror
   assert.equal(told(), "321");
 });
 
+test("who danced without the mirror dances again without it", () => {
+  const checked = (query) => wanting({ phrase_s: 4, seconds: 8 }, query).mirrored.checked;
+  assert.deepEqual(["", "mirrored=0", asDanced({ dancer: 1, mirrored: false }), asDanced({ mirrored: true })].map(checked), [true, false, false, true]);
+  assert.equal(asDanced({ dancer: 2 }), "dancer=2");
+});
+
+test("the header and the menu ask for the profile once, and again when it has changed", async () => {
+  const asked = [];
+  globalThis.fetch = async (path) => {
+    asked.push(path);
+    return Response.json(path === "/api/profiles" ? { p_1: "Mina" } : { name: "Mina", dances: [] });
+  };
+  localStorage.setItem("teach.who", '"p_1"');
+  const [first, second] = await Promise.all([myself(), myself()]);
+  assert.deepEqual([first.name, first, asked], ["Mina", second, ["/api/profiles", "/api/profiles/p_1"]]);
+  await myself();
+  assert.equal(asked.length, 4);
+  localStorage.setItem("teach.who", '""');
+  assert.equal(await myself(), null);
+});
+
+test("a name that a Mac wrote is found as it is typed", async () => {
+  const main = document.createElement("main");
+  Object.assign(globalThis, { IntersectionObserver: class { observe() {} disconnect() {} }, matchMedia: () => ({ matches: true }) });
+  const dances = ["É칠", "Duet"].map((name, k) => ({ identity: `own_${k}`, name: name.normalize("NFD"), difficulty: 1, seconds: 9, bpm: 120, own: true }));
+  globalThis.fetch = async (path) => Response.json(path === "/api/offer" ? { sources: { simulated: "" } } : dances);
+  const leave = await menu(main), [search, cards] = ["search", "cards"].map((id) => allOf(main).find((one) => one.id === id));
+  leave(); // ends its timer
+  search.value = "é칠";
+  search.listeners.input();
+  assert.deepEqual(cards.children.map((card) => card.href), ["#/dance/own_0"]);
+});
+
 test("learners dance as the group stands, from their own left, with the mirror and without it, and are told whom", () => {
   const parts = wanting({ phrase_s: 4, seconds: 8, others: [{}, {}] }, "dancer=1"), { mirrored, dancer } = parts;
   const told = (people) => taught(parts, people).map((k) => dancer.options[k].textContent[0]).join("");
@@ -55,16 +89,39 @@ test("a song that was read more slowly than the one chosen after it leaves that 
   Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
   globalThis.OfflineAudioContext = class {
     decodeAudioData = (bpm) => new Promise((read, fail) => {
-      const loop = loopOf(Object.keys(LOOPS)[0], bpm, 22050), samples = Float32Array.from({ length: 20 * 22050 }, (_, k) => loop[k % loop.length]);
+      const loop = bpm ? loopOf(Object.keys(LOOPS)[0], bpm, 22050) : [0], samples = Float32Array.from({ length: 20 * 22050 }, (_, k) => loop[k % loop.length]);
       waiting[bpm] = [() => read({ getChannelData: () => samples }), () => fail(Object.assign(new Error("no sound"), { name: "EncodingError" }))];
     });
   };
+  let find; // what the thread beside the page does with a message
+  Object.assign(globalThis, { addEventListener: (kind, listener) => { find = listener; }, Worker: class extends Map {
+    constructor() { super(); }
+
+    addEventListener(kind, listener) { this.set(kind, listener); }
+
+    postMessage(data) {
+      globalThis.postMessage = (reply) => this.get("message")({ data: reply });
+      find({ data });
+    }
+
+    terminate() {}
+  } });
+  await import(`${PAGE}beats_worker.js`);
   const panel = songPanel(() => {}), file = (name, bpm) => ({ name, arrayBuffer: async () => bpm });
   const [slow, broken, chosen] = [panel.take(file("slow", 98)), panel.take(file("broken", 101)), panel.take(file("chosen", 124))];
   await new Promise(globalThis.setImmediate); // all are being read
   for (const [bpm, how] of [[124, 0], [98, 0], [101, 1]]) waiting[bpm][how]();
   await Promise.all([slow, broken, chosen]);
   assert.ok(Math.abs(songTempo() - 124) < 0.5, songTempo());
+  const silent = panel.take(file("silent", 0)); // nothing beats in it
+  await new Promise(globalThis.setImmediate);
+  waiting[0][0]();
+  await silent;
+  assert.equal(panel.panel.children.find(({ id }) => id === "song-told").textContent, "no beats were found in it; tap them");
+  const again = panel.take(file("chosen", 124)); // whose beats are remembered
+  await new Promise(globalThis.setImmediate);
+  waiting[124][0]();
+  await again;
   const earlier = panel.panel.children.at(-1).children.at(-1).children.find(({ id }) => id === "earlier");
   for (let k = 0; k < 9; k++) earlier.listeners.click();
   const { at_s, rate } = songAt(0, 1), one_s = JSON.parse(localStorage.getItem("teach.song.chosen")).one_s;

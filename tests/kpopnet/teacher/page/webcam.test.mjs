@@ -1,7 +1,9 @@
 // What the page sends of a picture.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { cutOut, joined, pointsOf } from "../../../../kpopnet/teacher/page/webcam.js";
+import "./dom.mjs";
+
+const { cutOut, joined, loadPose, pointsOf } = await import("../../../../kpopnet/teacher/page/webcam.js");
 
 const at = (x, y) => ({ poseLandmarks: [{ x, y, z: 0, visibility: 0.8 }], poseWorldLandmarks: [{ x: 0.123456, y: -1, z: 2 }] });
 
@@ -29,4 +31,23 @@ test("a cut recording begins and ends with its excerpt, and keeps the times in b
 test("a joint is the mean of its points", () => {
   const joints = joined(Array.from({ length: 33 }, (_, k) => [k, 0, 0, 0, 0, 1]));
   assert.deepEqual(joints.map(([x]) => x), [7.5, 11.5, 12, 11, 14, 13, 18, 17, 17.5, 24, 23, 26, 25, 30, 29]);
+});
+
+test("a network that did not load, or does not begin, is loaded again by the next lesson", async () => {
+  let answers = ["error", "load", "load", "load"], asked = 0;
+  document.head = { append: (script) => { asked++; script.listeners[answers.shift()](); } };
+  globalThis.Pose = class {
+    setOptions() {
+      if (asked === 2) throw new Error("no memory");
+    }
+
+    async initialize() {
+      if (asked === 3) throw new Error("no graphics");
+    }
+  };
+  await assert.rejects(loadPose, /does not answer/);
+  await assert.rejects(loadPose, /no memory/);
+  await assert.rejects(loadPose, /no graphics/);
+  assert.equal(await loadPose(), await loadPose());
+  assert.equal(asked, 4);
 });

@@ -19,6 +19,11 @@ test("a text is said by its English words, with what fills its gaps", () => {
   assert.equal(say("late in {name}.js"), "late in {name}.js"); // no text of ours
 });
 
+test("a value that is missing is a dash, and a text that names a part of every object is a text", () => {
+  assert.equal(say({ say: "this try could not be saved: {reason}", reason: null }), "dieser Versuch konnte nicht gespeichert werden: –");
+  assert.deepEqual([null, undefined, "constructor", "{toString}"].map((one) => say(one)), ["–", "–", "constructor", "{toString}"]);
+});
+
 test("what the server sends is said whole, with decimal commas in numbers alone", () => {
   const late = { say: "{amount} {word}", amount: { say: "{seconds} s", seconds: "0.2" }, word: { say: "late" } };
   assert.equal(say({ say: "{what} {when}", what: late, when: { say: "at {times} and {last}", times: ["0:01", "0:05"], last: "0:12" } }),

@@ -1,0 +1,207 @@
+// A dance as the page holds it, with a server that the test plays and without pictures in 3D.
+import assert from "node:assert/strict";
+import { register } from "node:module";
+import { beforeEach, mock, test } from "node:test";
+import { allOf } from "./dom.mjs";
+
+const script = (text) => `data:text/javascript,${encodeURIComponent(text)}`;
+const WITHOUT_3D = script(`
+export const loadBody = async () => ({}), movementOf = (one) => one;
+export class View {
+  add = () => ({ group: { position: {} }, mesh: { material: {} } });
+  fit() {} mirror() {} turn() {} draw() {} close() {}
+}`);
+register(script(`export const resolve = async (name, context, next) =>
+  (name.endsWith("/body.js") ? { url: ${JSON.stringify(WITHOUT_3D)}, shortCircuit: true } : next(name, context));`));
+
+const anything = new Proxy(() => {}, { get: (_, name) => (name === Symbol.toPrimitive ? () => 0 : anything), apply: () => anything });
+const dance = { identity: "own_001", name: "Trio", seconds: 20, bpm: 120, phrase_s: 4, difficulty: 2, own: true, free_s: [], place_m: [0, 0], moves: [] };
+const REPLIES = {
+  "/api/dances/own_001": { ...dance, others: [dance, dance] }, "/api/dances": [dance],
+  "/api/offer": { sources: { realsense: "a RealSense camera", webcam: "the webcam of this browser" }, skills: ["good"], faults: [""] },
+};
+let listeners, sent, heard, draw, closed;
+Object.assign(globalThis, {
+  devicePixelRatio: 1, location: { hash: "", protocol: "http:", host: "127.0.0.1:1" }, requestAnimationFrame: (call) => { draw = call; },
+  getComputedStyle: () => ({ getPropertyValue: () => "" }),
+  AudioContext: class { constructor() { return new Proxy(this, { get: (_, name) => (name === "close" ? () => closed++ : anything) }); } },
+  fetch: async (path) => Response.json(REPLIES[path]),
+  WebSocket: class {
+    static OPEN = 1;
+
+    readyState = 1;
+
+    addEventListener(kind, listener) { heard[kind] = listener; }
+
+    send(text) { sent.push(JSON.parse(text)); }
+  },
+});
+Object.assign(document, { addEventListener: (kind, listener) => { listeners[kind] = listener; }, removeEventListener() {}, fullscreenElement: null });
+Object.assign(document.documentElement, { clientWidth: 400, clientHeight: 800 });
+Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
+
+const PAGE = "../../../../kpopnet/teacher/page/";
+const { stage } = await import(`${PAGE}stage.js`), { calibrate } = await import(`${PAGE}calibrate.js`), { remember } = await import(`${PAGE}tools.js`);
+const { handsSwitch, letChoose, watch } = await import(`${PAGE}hands.js`);
+heard = {};
+const told = (message) => heard.message({ data: JSON.stringify(message) });
+const DONE = { kind: "done", total: 95, session: "20261126-101010-000", hints: [] };
+
+beforeEach(() => {
+  mock.timers.reset();
+  [listeners, sent, closed] = [{}, [], 0];
+  remember("source", "realsense");
+});
+
+// The page of the dance, and its elements by their id.
+async function opened(query = "") {
+  const main = document.createElement("main"), leave = await stage(main, "own_001", new URLSearchParams(query));
+  return { leave, get: (id) => allOf(main).find((one) => one.id === id) };
+}
+
+function begin(get) {
+  get("start").click();
+  told({ kind: "ready" });
+  get("begin").click();
+}
+
+const asked = () => sent.map((one) => (one.lesson ? `${one.do} ${one.lesson.speed} ${one.lesson.from_s}` : one.do));
+
+test("who is danced, by how many, before which camera and to which song stays as it is until the dance ends", async () => {
+  const { get, leave } = await opened("dancer=1"), held = ["dancer", "people", "source", "mirrored", "song-file"];
+  begin(get);
+  assert.deepEqual(held.map((id) => get(id).disabled), held.map(() => true));
+  listeners.drop({ type: "drop", dataTransfer: { files: [{ name: "other.mp3" }] }, preventDefault() {} });
+  assert.notEqual(get("music").value, "song");
+  get("people").value = "2";
+  get("start").click();
+  assert.deepEqual(held.map((id) => get(id).disabled), held.map(() => false));
+  leave();
+  assert.equal(closed, 1);
+  get("source").value = "webcam"; // which follows one
+  const alone = await opened();
+  alone.get("source").value = "webcam";
+  begin(alone.get);
+  alone.get("start").click();
+  assert.deepEqual([alone.get("people").disabled, sent.findLast(({ lesson }) => lesson).lesson.people], [true, 1]);
+  alone.leave();
+});
+
+test("another round takes up a speed and a phrase that were changed, and is not prepared anew otherwise", async () => {
+  mock.timers.enable({ apis: ["setTimeout"] });
+  const { get, leave } = await opened();
+  get("loop").checked = true;
+  begin(get);
+  told(DONE);
+  mock.timers.tick(3000);
+  assert.deepEqual(asked(), ["prepare 1 0", "go", "go"]);
+  [get("speed").value, get("phrase").value] = ["50", "3"];
+  told(DONE);
+  mock.timers.tick(3000);
+  told({ kind: "ready" });
+  assert.deepEqual(asked().slice(3), ["prepare 0.5 12", "go"]);
+  leave();
+});
+
+test("what was on its way when the dance was stopped changes nothing", async () => {
+  const { get, leave } = await opened();
+  begin(get);
+  get("start").click();
+  location.hash = "#/dance/own_001";
+  told(DONE);
+  told({ kind: "paused", from_s: 3 });
+  assert.deepEqual([location.hash, get("words").textContent, get("start").textContent], ["#/dance/own_001", "", "Start"]);
+  leave();
+});
+
+test("from a phrase that was practised a link leads to the whole dance of the same dancer", async () => {
+  mock.timers.enable({ apis: ["setTimeout"] });
+  const { get, leave } = await opened("phrase=1&practise=80&dancer=2&mirrored=0");
+  begin(get);
+  for (let round = 0; round < 3; round++) {
+    told(DONE);
+    mock.timers.tick(3000);
+    told({ kind: "ready" });
+  }
+  assert.equal(get("practice").children.find(({ href }) => href).href, "#/dance/own_001?dancer=2&mirrored=0");
+  leave();
+});
+
+test("shortcuts work with Caps Lock and on a Korean layout", async () => {
+  const { get, leave } = await opened();
+  begin(get);
+  const press = (key, code) => listeners.keydown({ key, code, target: { closest: () => null }, preventDefault() {} });
+  sent.length = 0;
+  for (const [key, code] of [["P", "KeyP"], ["ㅔ", "KeyP"], ["x", "KeyX"]]) press(key, code);
+  assert.deepEqual(asked(), ["pause", "pause"]);
+  press(" ", "Space");
+  assert.equal(get("start").textContent, "Start");
+  leave();
+});
+
+test("the latency is kept for the camera that was measured", async () => {
+  const main = document.createElement("main"), leave = await calibrate(main), get = (id) => allOf(main).find((one) => one.id === id);
+  get("start").click();
+  told({ kind: "ready" });
+  assert.equal(get("source").disabled, true);
+  told({ kind: "done", latency_s: 0.12, hints: [] });
+  assert.deepEqual([get("source").disabled, localStorage.getItem("teach.latency.realsense")], [false, "0.12"]);
+  get("start").click();
+  get("start").click();
+  told({ kind: "done", latency_s: 0.5, hints: [] }); // of a measurement that was stopped
+  assert.equal(localStorage.getItem("teach.latency.realsense"), "0.12");
+  leave();
+});
+
+// An image of a learner whose right hand is raised.
+function pointing() {
+  const joints = Array.from({ length: 15 }, () => [0.5, 0.5, 2, 1]), hip = [0.5, 0.6, 2, 1];
+  Object.assign(joints, { 1: [0.5, 0.4, 2, 1], 6: [0.45, 0.4, 2, 1], 9: hip, 10: hip });
+  const text = new TextEncoder().encode(JSON.stringify({ sent_ms: 0, taken_ms: 0, joints, guidance: "", time_s: null, parts: {} })), data = new Uint8Array(9 + text.length);
+  new DataView(data.buffer).setUint32(0, text.length, true);
+  data.set(text, 4);
+  data[4 + text.length] = data[6 + text.length] = 1; // a picture of one pixel
+  heard.message({ data: data.buffer });
+  draw(0);
+}
+
+// The overlay and its hint, for who points and holds.
+function byHand() {
+  remember("hands", true);
+  document.body.children = [];
+  handsSwitch(() => {});
+  return ["hands", "hands-hint"].map((id) => allOf(document.body).find((one) => one.id === id));
+}
+
+test("what a hand may choose in a pause is hidden while the camera is away, and after an error", async () => {
+  const [panel] = byHand(), { get, leave } = await opened();
+  begin(get);
+  told({ kind: "paused", from_s: 2 });
+  for (const kind of ["away", "error"]) {
+    pointing();
+    assert.equal(panel.hidden, false);
+    told({ kind, text: "the camera sends no images; look at its cable" });
+    assert.equal(panel.hidden, true);
+  }
+  leave();
+  letChoose([]);
+  remember("hands", false);
+});
+
+test("a camera that is away or fails, and a program that has ended, hide what a hand could choose, and are told", async () => {
+  const [panel, hint] = byHand();
+  letChoose([{ id: "x", text: "x", act() {} }]);
+  const unwatch = watch(dance, "realsense"), shown = () => [panel.hidden, hint.hidden, hint.textContent];
+  for (const text of ["the camera sends no images; look at its cable", "there is no dance nothing"]) {
+    pointing();
+    assert.deepEqual(shown().slice(0, 2), [false, true]);
+    told({ kind: text.startsWith("the camera") ? "away" : "error", text });
+    assert.deepEqual(shown(), [true, false, text]);
+  }
+  pointing();
+  heard.close();
+  assert.deepEqual(shown().slice(0, 2), [true, false]);
+  unwatch();
+  letChoose([]);
+  remember("hands", false);
+});
