@@ -12,6 +12,9 @@ MIN_POSTURE = 50.0
 MIN_WINDOWS = 6
 """Windows that a tempo or a latency needs."""
 
+MOST_WINDOWS = 500
+"""Windows whose pairs give a tempo: all pairs of a dance of two hours would take 4 GB."""
+
 HARMONICS, BEAT_STEPS = 3, 400
 """Of the mean course of a hand over a beat: waves of its Fourier series, and samples."""
 
@@ -30,11 +33,13 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray) -> floa
     The (N,) start and delay of the windows are seconds, the delay NaN where unknown. NaN with fewer than MIN_WINDOWS windows of
     a known delay and a posture of at least MIN_POSTURE.
     """
-    good = np.isfinite(delay_s) & (posture >= MIN_POSTURE)
-    if good.sum() < MIN_WINDOWS:
+    good = np.flatnonzero(np.isfinite(delay_s) & (posture >= MIN_POSTURE))
+    if len(good) < MIN_WINDOWS:
         return math.nan
-    first, second = np.triu_indices(int(good.sum()), 1)
-    return float(1 - np.median((delay_s[good][second] - delay_s[good][first]) / (start_s[good][second] - start_s[good][first])))
+    good = good[np.linspace(0, len(good) - 1, min(len(good), MOST_WINDOWS)).astype(int)]
+    first, second = np.triu_indices(len(good), 1)
+    rise_s, run_s = (one[good][second] - one[good][first] for one in (delay_s, start_s))
+    return float(1 - np.median(rise_s / run_s))
 
 
 def measured_latency_s(delay_s: np.ndarray, posture: np.ndarray) -> float:
