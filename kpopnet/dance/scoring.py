@@ -408,7 +408,7 @@ class Comparison:
             coverage={name: _mean(coverage[name], weight) for name in shown},
             mirrored=self.mirrored,
             mirror_fits_better=False,
-            tempo=tempo(start_s, np.where(weight > 0, delay_s, math.nan), posture),
+            tempo=tempo(start_s, delay_s, posture, weight),
             uncertainty=200 * (math.nan if spread is None else spread) * _mean((1 - kept) / kept, weight),
             scorer=scorer,
             teacher_m=self._grid.teacher_m,

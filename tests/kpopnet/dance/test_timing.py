@@ -46,6 +46,6 @@ def test_who_does_not_move_on_the_beat_tells_nothing():
 def test_the_tempo_of_a_dance_of_two_hours_takes_little_memory():
     start_s, rng = 0.5 * np.arange(14400), np.random.default_rng(0)
     tracemalloc.start()
-    found = tempo(start_s, -0.02 * start_s + rng.normal(0, 0.1, len(start_s)), np.full(len(start_s), 90.0))
+    found = tempo(start_s, -0.02 * start_s + rng.normal(0, 0.1, len(start_s)), *np.full((2, len(start_s)), 90.0))
     assert found == pytest.approx(1.02, abs=1e-4) and tracemalloc.get_traced_memory()[1] < 50e6
     tracemalloc.stop()
