@@ -17,6 +17,9 @@ from kpopnet.skeleton import NUM_JOINTS, Joint
 MAX_DURATION_S, MAX_TIME_S = 7200.0, 1e9
 """Longest dance, which bounds the memory of a comparison to a few hundred megabytes, and latest time on a clock."""
 
+MAX_COORDINATE = 1e6
+"""A kilometre in millimetres: no dance is farther from the origin, in any unit."""
+
 SMOOTHING_S = 0.08
 """Standard deviation of the Gaussian. Twice as much or half as much orders no more dances (docs/ledger.md, Dance score)."""
 
@@ -90,22 +93,28 @@ def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: st
         raise InputError(f"the {whose}'s dance is an array without times and fps={fps}; give its frames per second, fps=30")
     try:
         return Performance(dance, np.arange(len(dance)) / fps)
-    except InputError as error:
+    except (InputError, TypeError) as error:  # a TypeError of what has no length
         raise InputError(f"the {whose}'s dance: {error}") from error
 
 
 def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """(..., 15, 3) joints with missing ones NaN, and (..., 15) float64 confidence in 0..1 with missing ones 0.
 
-    A joint with a coordinate that is not finite, or of confidence 0, is missing; None is a confidence of 1 everywhere.
+    A joint with a coordinate that is not finite, or of confidence 0, is missing; None is a confidence of 1 everywhere. Raises
+    InputError for other confidence, and for coordinates with which no sum would be finite.
     """
     shape = joints_m.shape[:-1]
-    values = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)
+    try:
+        values = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"confidence: expected an array of numbers ({error})") from error
     if values.shape != shape:
         raise InputError(f"confidence of shape {values.shape}: expected one number a joint, {shape}")
     if not ((values >= 0) & (values <= 1)).all():
         raise InputError(f"confidence from {values.min()} to {values.max()}: expected numbers from 0 to 1")
     missing = np.logical_not(np.isfinite(joints_m).all(axis=-1)) | (values == 0)
+    if (largest := np.abs(joints_m[~missing]).max(initial=0)) > MAX_COORDINATE:
+        raise InputError(f"a coordinate of {largest:g}: expected at most {MAX_COORDINATE:g} metres")
     return np.where(missing[..., None], np.nan, joints_m), np.where(missing, 0.0, values)
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import MAX_COORDINATE, Performance
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_fields, expect, names_in, read_json
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -68,9 +68,6 @@ NECK_FRACTION_TO_EARS = 0.37
 the trackers' neck fractions end at the head joint."""
 
 _SHOULDERS, _HIPS = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER], [Joint.RIGHT_HIP, Joint.LEFT_HIP]
-
-MAX_COORDINATE = 1e6
-"""A kilometre in millimetres: no dance is farther from the origin."""
 
 _UNITS_M, _TRUNK_RANGE_M = (1.0, 0.01, 0.001), (0.25, 0.9)
 
