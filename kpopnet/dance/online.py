@@ -12,7 +12,17 @@ import numpy as np
 
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.performance import KERNEL_RADIUS_S, Performance, mask_missing_joints, resampled
-from kpopnet.dance.scoring import MIRROR_MARGIN, OURS, Comparison, DanceScore, Scorer, Stretches, TimeGrid, preferred
+from kpopnet.dance.scoring import (
+    MIRROR_MARGIN,
+    OURS,
+    Comparison,
+    DanceScore,
+    Scorer,
+    Stretches,
+    TimeGrid,
+    check_observed,
+    preferred,
+)
 from kpopnet.dance.window import FPS, PARTS, WINDOW_FRAMES, WindowScore
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
@@ -43,7 +53,8 @@ class OnlineScorer:
         # Joints and confidence at the last frames of the grid, and the samples that later frames need.
         self._recent: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=FEATURES[scorer.feature].history_frames(FPS))
         self._samples: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
-        self._first = self._next = 0
+        self._first = self._next = self._given = 0
+        self._is_observed = False
         self._latest: OnlineScore | None = None
 
     def update(self, joints_m: np.ndarray, time_s: float, confidence: np.ndarray | None = None) -> OnlineScore | None:
@@ -62,6 +73,7 @@ class OnlineScorer:
         if not self._samples:
             self._first = max(self._grid.frame_from(time_s), 0)
             self._skip(min(self._first, len(self._grid.frames)))
+        self._given, self._is_observed = self._given + 1, self._is_observed or bool(confidence.any())
         self._samples.append((time_s, joints_m, confidence))
         self._score_frames(time_s - self.lag_s, len(self._grid.frames))
         return self._latest
@@ -94,7 +106,9 @@ class OnlineScorer:
         return preferred(self._direct.summary(), self._mirrored.summary()) if self._latest else None
 
     def finish(self) -> DanceScore:
-        """What `score_dance` returns for all samples; raises InputError if they contain no whole window."""
+        """What `score_dance` returns for all samples; raises InputError as it does."""
+        if self._samples:
+            check_observed(self._is_observed, self._given, "learner")
         last = self._grid.frame_until(self._samples[-1][0]) if self._samples else -1
         self._score_frames(math.inf, min(last + 1, len(self._grid.frames)))
         self._grid.check_overlap(range(self._first, last + 1))

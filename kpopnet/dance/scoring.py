@@ -221,7 +221,7 @@ def score_dance(
     """
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
     if not unobserved_is_nan:
-        _check_observed(learner, "learner")
+        check_observed(learner.is_observed, len(learner), "learner")
     learner = Performance(learner.joints_m, learner.times_s - scorer.latency_s, learner.confidence)
     grid = TimeGrid(teacher, scorer.feature, free_s=free_s)
     grid.check_overlap(grid.frames_of(learner))
@@ -234,10 +234,11 @@ def score_dance(
     return preferred(*scores)
 
 
-def _check_observed(dance: Performance, whose: str) -> None:
-    if not dance.is_observed:
+def check_observed(is_observed: bool, frames: int, whose: str) -> None:
+    """Raises InputError for a dance in none of whose frames a joint is known."""
+    if not is_observed:
         raise InputError(
-            f"the {whose}'s dance: no joint is known in any of its {len(dance)} frames; was a person found in the recording?"
+            f"the {whose}'s dance: no joint is known in any of its {frames} frames; was a person found in the recording?"
         )
 
 
@@ -252,7 +253,7 @@ class TimeGrid:
     """
 
     def __init__(self, teacher: Performance, feature: str, fps: float = FPS, free_s: Stretches = ()) -> None:
-        _check_observed(teacher, "teacher")
+        check_observed(teacher.is_observed, len(teacher), "teacher")
         self._feature, self._fps, self._start_s = feature, fps, float(teacher.times_s[0])
         self.frames = self.frames_of(teacher)
         if len(self.frames) < round(WINDOW_S * fps):

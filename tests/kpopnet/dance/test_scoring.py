@@ -139,6 +139,13 @@ def test_dropped_frames_and_other_frame_rates_hardly_change_the_score():
         assert score_dance(performed(joints_m), other).similarity > 85
 
 
+def online_score(learner):
+    online = OnlineScorer(performed(JOINTS_M))
+    for joints_m, time_s in zip(learner.joints_m, learner.times_s, strict=True):
+        online.update(joints_m, float(time_s))
+    return online.finish()
+
+
 LOST = performed(np.full_like(JOINTS_M, np.nan))
 FAR = JOINTS_M.copy()
 FAR[100, 7] = 1e200
@@ -161,6 +168,7 @@ FAR[100, 7] = 1e200
         (lambda: score_dance(3, JOINTS_M, fps=FPS), "the teacher's dance: .*int"),
         (lambda: OnlineScorer(performed(JOINTS_M)).update(JOINTS_M[0, :14], 0.1), r"joints of shape \(14, 3\)"),
         (lambda: OnlineScorer(performed(JOINTS_M)).finish(), "no whole window"),
+        (lambda: online_score(LOST), "the learner's dance: no joint is known in any of its 360 frames"),
         (lambda: PartScorer(noise="odd"), r"^noise=odd: expected one of auto, none, .*tracker"),
         (lambda: PaperScorer(feature="odd"), "^feature=odd: .*dance22, dance22_turn, raptis"),
     ],
