@@ -172,6 +172,8 @@ def with_joint_map(recorded: NamedPoints, joint_map: Path, source: str) -> Named
         bool(given) and given.keys() <= set(known), where, f"an object of {', '.join(known)}, found {names_in(given) or 'none'}"
     )
     points = {joint: [str(one) for one in (words if isinstance(words, list) else [words])] for joint, words in given.items()}
+    for joint, words in points.items():
+        expect(bool(words), where, f"a point, or more, for {joint}")
     wanted, own = {word for words in points.values() for word in words}, [name.strip() for name in recorded.names]
     missing = [word for word in sorted(wanted) if word not in own]
     if len(missing) == len(wanted):
