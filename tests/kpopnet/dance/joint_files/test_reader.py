@@ -175,6 +175,12 @@ def test_frames_that_a_wide_table_leaves_out_keep_their_time_and_two_people_in_o
         read_performance(tmp_path / "two.csv", 25)
 
 
+def test_times_of_a_table_are_known_in_any_case(tmp_path):
+    path = write_csv(tmp_path / "a.csv", person())
+    path.write_text(path.read_text().replace("time_s", "Time_S", 1))
+    np.testing.assert_allclose(read_performance(path).times_s, TIMES_S)
+
+
 @pytest.mark.parametrize("number", ["frame", "time_s"])
 @pytest.mark.parametrize("first", [0, 1, 2, 30])
 def test_a_motion_begins_at_one_time_in_wide_and_in_long_tables(tmp_path, number, first):
