@@ -92,9 +92,17 @@ def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: st
     if fps is None or not 0 < fps <= 1000:
         raise InputError(f"the {whose}'s dance is an array without times and fps={fps}; give its frames per second, fps=30")
     try:
-        return Performance(dance, np.arange(len(dance)) / fps)
+        return check_rate(Performance(dance, np.arange(len(dance)) / fps))
     except (InputError, TypeError) as error:  # a TypeError of what has no length
         raise InputError(f"the {whose}'s dance: {error}") from error
+
+
+def check_rate(dance: Performance) -> Performance:
+    """Raises InputError for a dance whose frames are farther apart than gaps may be: hardly a joint could be resampled."""
+    interval_s = float(np.median(np.diff(dance.times_s))) if len(dance) > 1 else 0.0
+    if interval_s > MAX_GAP_S + TIME_TOLERANCE_S:
+        raise InputError(f"frames are {interval_s:.3g} s apart, in the median; expected at most {MAX_GAP_S:g} s")
+    return dance
 
 
 def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

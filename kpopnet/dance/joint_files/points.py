@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.performance import MAX_COORDINATE, Performance
+from kpopnet.dance.performance import MAX_COORDINATE, Performance, check_rate
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_fields, expect, names_in, read_json
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -221,9 +221,11 @@ def frame_times_s(
 
 
 def checked_performance(joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None, source: str) -> Performance:
-    """A performance each of whose joints, but for head and neck, which the paper's feature does not use, is seen somewhere."""
+    """A performance of a rate that can be compared, each of whose joints, but for head and neck, which the paper's feature does
+    not use, is seen somewhere.
+    """
     try:
-        performance = Performance(joints_m, times_s, confidence)
+        performance = check_rate(Performance(joints_m, times_s, confidence))
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
     unseen = [joint.name.lower() for joint in performance.unseen_joints if joint not in (Joint.HEAD, Joint.NECK)]

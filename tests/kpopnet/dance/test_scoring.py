@@ -165,6 +165,7 @@ FAR[100, 7] = 1e200
         (lambda: Performance(JOINTS_M[:1], np.zeros(1), [[1], [1, 2]]), "confidence: expected an array of numbers"),
         (lambda: Performance(FAR, np.arange(len(FAR)) / FPS), r"a coordinate of 1e\+200: expected at most 1e\+06 metres"),
         (lambda: OnlineScorer(performed(JOINTS_M)).update(FAR[100], 0.1), r"a coordinate of 1e\+200"),
+        (lambda: score_dance(JOINTS_M, JOINTS_M, fps=3), r"the teacher's dance: frames are 0\.333 s apart"),
         (lambda: score_dance(3, JOINTS_M, fps=FPS), "the teacher's dance: .*int"),
         (lambda: OnlineScorer(performed(JOINTS_M)).update(JOINTS_M[0, :14], 0.1), r"joints of shape \(14, 3\)"),
         (lambda: OnlineScorer(performed(JOINTS_M)).finish(), "no whole window"),

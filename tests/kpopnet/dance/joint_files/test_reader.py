@@ -185,6 +185,7 @@ def test_times_of_a_table_are_known_in_any_case(tmp_path):
 @pytest.mark.parametrize("first", [0, 1, 2, 30])
 def test_a_motion_begins_at_one_time_in_wide_and_in_long_tables(tmp_path, number, first):
     clock, points = first + np.delete(np.arange(FRAMES + 1), 7), person()
+    clock = clock / 10 if number == "time_s" else clock
     wide = write_csv(tmp_path / "wide.csv", points, {number: clock})
     wide.write_text(wide.read_text() if number == "time_s" else wide.read_text().replace("time_s", "clock", 1))
     rows = (f"{at},{name},{x},{y},{z}" for k, at in enumerate(clock) for name, one in points.items() for x, y, z in one[[k]])
@@ -193,7 +194,7 @@ def test_a_motion_begins_at_one_time_in_wide_and_in_long_tables(tmp_path, number
     np.testing.assert_array_equal(one.times_s, other.times_s)
     np.testing.assert_allclose(one.joints_m, other.joints_m, atol=1e-6)
     begins_s = one.times_s[np.isfinite(one.joints_m).all(axis=(1, 2)).argmax()]
-    assert begins_s == pytest.approx(first if number == "time_s" else max(first - 1, 0) / 10)
+    assert begins_s == pytest.approx((first if number == "time_s" else max(first - 1, 0)) / 10)
 
 
 def test_a_given_frame_rate_overrides_the_files(tmp_path):
@@ -204,6 +205,8 @@ def test_a_given_frame_rate_overrides_the_files(tmp_path):
         read_performance(tmp_path / "b.npz")
     with pytest.raises(InputError, match=r"0 frames a second; expected 1 to 1000"):
         read_performance(tmp_path / "b.npz", 0.0)
+    with pytest.raises(InputError, match=r"b\.npz: frames are 0\.333 s apart, in the median; expected at most 0\.25 s"):
+        read_performance(tmp_path / "b.npz", 3.0)
 
 
 def test_what_is_missing_is_named(tmp_path):
