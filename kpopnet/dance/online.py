@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.performance import KERNEL_RADIUS_S, Performance, mask_missing_joints, resampled
+from kpopnet.dance.performance import KERNEL_RADIUS_S, Performance, mask_missing_joints, resampled, with_derived_torso
 from kpopnet.dance.scoring import (
     MIRROR_MARGIN,
     OURS,
@@ -21,6 +21,8 @@ from kpopnet.dance.scoring import (
     Stretches,
     TimeGrid,
     check_observed,
+    derived_torso,
+    derives_torso,
     preferred,
 )
 from kpopnet.dance.window import FPS, PARTS, WINDOW_FRAMES, WindowScore
@@ -44,10 +46,16 @@ class OnlineScore(NamedTuple):
 class OnlineScorer:
     """Scores a learner against a teacher's dance during the dance; a frame can be scored after `lag_s` seconds."""
 
-    def __init__(self, teacher: Performance, scorer: Scorer = OURS, free_s: Stretches = ()) -> None:
-        """`free_s` as for `score_dance`. Raises InputError if the teacher's dance is shorter than a window."""
+    def __init__(
+        self, teacher: Performance, scorer: Scorer = OURS, free_s: Stretches = (), torso_is_derived: bool = False
+    ) -> None:
+        """`free_s` as for `score_dance`; `torso_is_derived` as of the whole learner's `Performance`, which is not known yet.
+
+        Raises InputError if the teacher's dance is shorter than a window.
+        """
         self.scorer, self.lag_s = scorer, KERNEL_RADIUS_S
-        self._grid = TimeGrid(teacher, scorer.feature, free_s=free_s)
+        self._derives_torso = derives_torso(scorer, teacher, torso_is_derived)
+        self._grid = TimeGrid(derived_torso(teacher) if self._derives_torso else teacher, scorer.feature, free_s=free_s)
         prepared = scorer.teacher(self._grid.teacher)
         self._direct, self._mirrored = (Comparison(self._grid, prepared, mirrored) for mirrored in (False, True))
         # Joints and confidence at the last frames of the grid, and the samples that later frames need.
@@ -70,6 +78,8 @@ class OnlineScorer:
             given_s = time_s + self.scorer.latency_s
             raise InputError(f"a frame at {given_s} s: times must be finite and increase from frame to frame")
         joints_m, confidence = mask_missing_joints(joints_m, confidence)
+        if self._derives_torso:
+            joints_m, confidence = with_derived_torso(joints_m, confidence)
         if not self._samples:
             self._first = max(self._grid.frame_from(time_s), 0)
             self._skip(min(self._first, len(self._grid.frames)))

@@ -33,6 +33,11 @@ OUTLIER_M = 0.15
 """A sample at this distance from the first line has half its weight in the second fit. The distance is far beyond noise and
 beyond the deviation of a dance from a straight line."""
 
+TRUNK = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]
+DERIVED_M = 5e-4
+"""A torso that is nowhere farther, along an axis, from the mean of the trunk's other joints was derived from them; files are
+rounded to a tenth of a millimetre. Torsos of bodies are centimetres away."""
+
 TIME_TOLERANCE_S = 1e-6
 """Allows for rounding of stored time stamps."""
 
@@ -80,6 +85,12 @@ class Performance:
         return bool(self.confidence.any())
 
     @property
+    def torso_is_derived(self) -> bool:
+        """Whether the torso is but the mean of shoulders and hips, as of files that name none: it shows no bend of the back."""
+        off_m = np.abs(self.joints_m[:, Joint.TORSO] - self.joints_m[:, TRUNK].mean(axis=1))
+        return bool(np.isfinite(off_m).any()) and not (off_m > DERIVED_M).any()
+
+    @property
     def unseen_joints(self) -> list[Joint]:
         """The joints that are missing in every frame."""
         return [Joint(number) for number in np.flatnonzero(~self.confidence.any(axis=0))]
@@ -95,6 +106,14 @@ def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: st
         return check_rate(Performance(dance, np.arange(len(dance)) / fps))
     except (InputError, TypeError) as error:  # a TypeError of what has no length
         raise InputError(f"the {whose}'s dance: {error}") from error
+
+
+def with_derived_torso(joints_m: np.ndarray, confidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(..., 15, 3) joints with the mean of shoulders and hips as the torso, and their (..., 15) confidence."""
+    joints_m, confidence = joints_m.copy(), confidence.copy()
+    joints_m[..., Joint.TORSO, :] = joints_m[..., TRUNK, :].mean(axis=-2)
+    confidence[..., Joint.TORSO] = confidence[..., TRUNK].min(axis=-1)
+    return joints_m, confidence
 
 
 def check_rate(dance: Performance) -> Performance:

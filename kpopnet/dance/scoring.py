@@ -22,7 +22,7 @@ from kpopnet.dance.noise.steady import FEATURE
 from kpopnet.dance.noise.table import known_noise
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
 from kpopnet.dance.parts import PartScorer, PartTeacher
-from kpopnet.dance.performance import Performance, as_performance, resampled
+from kpopnet.dance.performance import Performance, as_performance, resampled, with_derived_torso
 from kpopnet.dance.timing import MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore, not_compared
 from kpopnet.errors import InputError, check_between, check_one_of
@@ -223,6 +223,8 @@ def score_dance(
     if not unobserved_is_nan:
         check_observed(learner.is_observed, len(learner), "learner")
     learner = Performance(learner.joints_m, learner.times_s - scorer.latency_s, learner.confidence)
+    if derives_torso(scorer, teacher, learner.torso_is_derived):
+        teacher, learner = derived_torso(teacher), derived_torso(learner)
     grid = TimeGrid(teacher, scorer.feature, free_s=free_s)
     grid.check_overlap(grid.frames_of(learner))
     joints, prepared, scores = grid.resampled(learner, grid.frames), scorer.teacher(grid.teacher), []
@@ -232,6 +234,21 @@ def score_dance(
         comparison.keep_windows(len(grid.frames))
         scores.append(comparison.summary())
     return preferred(*scores)
+
+
+def derives_torso(scorer: Scorer, teacher: Performance, of_learner: bool) -> bool:
+    """Whether the torso of both dances is derived before they are compared, since that of the teacher or `of_learner` is.
+
+    A bend of the back that only one of them can show would be a difference of definitions. Of a learner whose estimator's noise
+    is known, the webcam's, that difference to a teacher's own torso is a part of the noise.
+    """
+    return teacher.torso_is_derived or (of_learner and scorer.noise in ("none", "auto"))
+
+
+def derived_torso(dance: Performance) -> Performance:
+    """A dance whose torso is the mean of shoulders and hips."""
+    joints_m, confidence = with_derived_torso(dance.joints_m, dance.confidence)
+    return Performance(joints_m, dance.times_s, confidence)
 
 
 def check_observed(is_observed: bool, frames: int, whose: str) -> None:

@@ -97,6 +97,19 @@ def test_a_foot_is_the_middle_of_ankle_and_foot_and_a_hand_is_preferred_to_a_wri
     assert heights[0] == pytest.approx(heights[1], abs=0.01)
 
 
+@pytest.mark.parametrize("name", ["torso", "SpineMid", "SPINE_NAVEL", "SPINE_NAVAL"])
+def test_a_torso_that_is_named_is_the_joint_and_else_it_is_derived(tmp_path, name):
+    positions, derived = kinect(), read_performance(write_json(tmp_path / "a.json", kinect()))
+    trunk = np.mean([positions[one] for one in ("ShoulderLeft", "ShoulderRight", "HipLeft", "HipRight")], axis=0)
+    own = read_performance(write_json(tmp_path / "b.json", positions | {name: trunk + np.array([0.05, 0.1, 0])}))
+    assert derived.torso_is_derived and not own.torso_is_derived
+    moved_m = own.joints_m - derived.joints_m
+    np.testing.assert_allclose(np.linalg.norm(moved_m[:, Joint.TORSO], axis=1), np.hypot(0.05, 0.1), atol=1e-5)
+    np.testing.assert_allclose(np.delete(moved_m, Joint.TORSO, axis=1), 0, atol=1e-5)
+    never = read_performance(write_csv(tmp_path / "c.csv", positions | {name: np.full((FRAMES, 3), np.nan)}))
+    assert never.torso_is_derived
+
+
 def test_missing_points_are_missing_joints_and_confidence_is_the_least_of_the_points(tmp_path):
     positions = kinect() | {"FootLeft": kinect()["AnkleLeft"]}
     frames = [{"joints": {name: [*points[k], 0.9] for name, points in positions.items()}} for k in range(FRAMES)]
