@@ -82,6 +82,9 @@ class Correction(NamedTuple):
         return done
 
 
+AS_RECORDED = Correction()
+
+
 class Diagnosis(NamedTuple):
     """Two recorded dances, corrected where their faults were sure."""
 
@@ -115,6 +118,14 @@ def corrected(performance: Performance, correction: str) -> Performance:
     return Performance(joints_m, performance.times_s, confidence)
 
 
+def composed(first: str, second: str) -> str:
+    """The one of CORRECTIONS that is two of them, one after the other: each undoes itself, two different ones are the third.
+
+    That is the exclusive or of their places in CORRECTIONS.
+    """
+    return CORRECTIONS[CORRECTIONS.index(first) ^ CORRECTIONS.index(second)]
+
+
 def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Performance:
     """A performance whose times, from the first on, are multiplied by a rate and then lessened by a delay in seconds."""
     start_s = performance.times_s[0]
@@ -128,11 +139,12 @@ def diagnose(
     scorer: Scorer,
     as_is: bool = False,
     free_s: Stretches = (),
-    late_s: float = 0.0,
+    given: Correction = AS_RECORDED,
 ) -> Diagnosis:
     """What is probably wrong with the recordings of two dances, and the dances without what is surely wrong, unless `as_is`.
 
-    The stretches `free_s` are not compared, as in `score_dance`. The learner's times were set back by `late_s` already.
+    The stretches `free_s` are not compared, as in `score_dance`. Options have `given` the dances some corrections already; an
+    option that is named takes the place of theirs.
     """
     wrong = {name: knees_bend_backwards(one) for name, one in (("teacher", teacher), ("learner", learner))}
     if all(wrong.values()):
@@ -158,7 +170,7 @@ def diagnose(
     without_sure = score(best.sure)
     corrects = not as_is and without_sure.gains(plain, SURE_GAIN) and without_sure.losing(plain) <= LOSING
     rest, now = (best.rest, without_sure) if corrects else (best, plain)
-    told = _descriptions(rest, teacher, learner, late_s) if fitted.gains(now, MIN_GAIN) else ()
+    told = _descriptions(rest, teacher, learner, given) if fitted.gains(now, MIN_GAIN) else ()
     faults = [RecordingFault(text, fitted.similarity, about) for about, text in told]
     if not corrects:
         return Diagnosis(teacher, learner, faults)
@@ -253,8 +265,10 @@ def _fps(performance: Performance) -> float:
     return 1 / float(np.median(np.diff(performance.times_s))) if len(performance) > 1 else 1.0
 
 
-def _descriptions(guess: Correction, teacher: Performance, learner: Performance, late_s: float) -> Iterator[tuple[str, str]]:
-    """The faults of a guess: what each is about, and its text; the learner's times were set back by `late_s` already."""
+def _descriptions(
+    guess: Correction, teacher: Performance, learner: Performance, given: Correction
+) -> Iterator[tuple[str, str]]:
+    """The faults of a guess: what each is about, and its text, with the option in place of the one `given` already."""
     faults = {
         "mirrored": (
             "mirror", "dances mirrored: a left-handed dancer, one who faces the teacher as a mirror, or a mirrored video"
@@ -262,10 +276,10 @@ def _descriptions(guess: Correction, teacher: Performance, learner: Performance,
         "swapped": ("sides", "has left and right swapped among the joints: the knees bend backwards"),
         "reflected": ("sides", "has left-handed axes: the knees bend backwards"),
     }  # fmt: skip
-    for name, correction in (("teacher", guess.teacher), ("learner", guess.learner)):
+    for name, correction, before in (("teacher", guess.teacher, given.teacher), ("learner", guess.learner, given.learner)):
         if correction in faults:
             about, fault = faults[correction]
-            text, option = "the {dancer} {fault}. To correct it: {option}", f"--correct-{name} {correction}"
+            text, option = "the {dancer} {fault}. To correct it: {option}", f"--correct-{name} {composed(before, correction)}"
             yield about, Said(text, dancer=Said(name), fault=Said(fault), option=option)
     if guess.rate != 1:
         text = (
@@ -282,5 +296,5 @@ def _descriptions(guess: Correction, teacher: Performance, learner: Performance,
             "the learner is {seconds} s {word} throughout: the clocks start at different instants of the music, or the set-up "
             "has a latency. To correct it: {option}"
         )
-        word, option = Said("late" if guess.late_s > 0 else "early"), f"--late {late_s + guess.late_s:.2f}"
+        word, option = Said("late" if guess.late_s > 0 else "early"), f"--late {given.late_s + guess.late_s:.2f}"
         yield "delay", Said(text, seconds=f"{abs(guess.late_s):.2f}", word=word, option=option)

@@ -11,8 +11,20 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.performance import KERNEL_RADIUS_S, Performance, mask_missing_joints, resampled
-from kpopnet.dance.scoring import MIRROR_MARGIN, OURS, Comparison, DanceScore, Scorer, Stretches, TimeGrid, preferred
+from kpopnet.dance.performance import KERNEL_RADIUS_S, Performance, mask_missing_joints, resampled, with_derived_torso
+from kpopnet.dance.scoring import (
+    MIRROR_MARGIN,
+    OURS,
+    Comparison,
+    DanceScore,
+    Scorer,
+    Stretches,
+    TimeGrid,
+    check_observed,
+    derived_torso,
+    derives_torso,
+    preferred,
+)
 from kpopnet.dance.window import FPS, PARTS, WINDOW_FRAMES, WindowScore
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
@@ -34,16 +46,23 @@ class OnlineScore(NamedTuple):
 class OnlineScorer:
     """Scores a learner against a teacher's dance during the dance; a frame can be scored after `lag_s` seconds."""
 
-    def __init__(self, teacher: Performance, scorer: Scorer = OURS, free_s: Stretches = ()) -> None:
-        """`free_s` as for `score_dance`. Raises InputError if the teacher's dance is shorter than a window."""
+    def __init__(
+        self, teacher: Performance, scorer: Scorer = OURS, free_s: Stretches = (), torso_is_derived: bool = False
+    ) -> None:
+        """`free_s` as for `score_dance`; `torso_is_derived` as of the whole learner's `Performance`, which is not known yet.
+
+        Raises InputError if the teacher's dance is shorter than a window.
+        """
         self.scorer, self.lag_s = scorer, KERNEL_RADIUS_S
-        self._grid = TimeGrid(teacher, scorer.feature, free_s=free_s)
+        self._derives_torso = derives_torso(scorer, teacher, torso_is_derived)
+        self._grid = TimeGrid(derived_torso(teacher) if self._derives_torso else teacher, scorer.feature, free_s=free_s)
         prepared = scorer.teacher(self._grid.teacher)
         self._direct, self._mirrored = (Comparison(self._grid, prepared, mirrored) for mirrored in (False, True))
         # Joints and confidence at the last frames of the grid, and the samples that later frames need.
         self._recent: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=FEATURES[scorer.feature].history_frames(FPS))
         self._samples: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
-        self._first = self._next = 0
+        self._first = self._next = self._given = 0
+        self._is_observed = False
         self._latest: OnlineScore | None = None
 
     def update(self, joints_m: np.ndarray, time_s: float, confidence: np.ndarray | None = None) -> OnlineScore | None:
@@ -59,9 +78,12 @@ class OnlineScorer:
             given_s = time_s + self.scorer.latency_s
             raise InputError(f"a frame at {given_s} s: times must be finite and increase from frame to frame")
         joints_m, confidence = mask_missing_joints(joints_m, confidence)
+        if self._derives_torso:
+            joints_m, confidence = with_derived_torso(joints_m, confidence)
         if not self._samples:
             self._first = max(self._grid.frame_from(time_s), 0)
             self._skip(min(self._first, len(self._grid.frames)))
+        self._given, self._is_observed = self._given + 1, self._is_observed or bool(confidence.any())
         self._samples.append((time_s, joints_m, confidence))
         self._score_frames(time_s - self.lag_s, len(self._grid.frames))
         return self._latest
@@ -94,7 +116,9 @@ class OnlineScorer:
         return preferred(self._direct.summary(), self._mirrored.summary()) if self._latest else None
 
     def finish(self) -> DanceScore:
-        """What `score_dance` returns for all samples; raises InputError if they contain no whole window."""
+        """What `score_dance` returns for all samples; raises InputError as it does."""
+        if self._samples:
+            check_observed(self._is_observed, self._given, "learner")
         last = self._grid.frame_until(self._samples[-1][0]) if self._samples else -1
         self._score_frames(math.inf, min(last + 1, len(self._grid.frames)))
         self._grid.check_overlap(range(self._first, last + 1))

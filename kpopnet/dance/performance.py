@@ -17,6 +17,9 @@ from kpopnet.skeleton import NUM_JOINTS, Joint
 MAX_DURATION_S, MAX_TIME_S = 7200.0, 1e9
 """Longest dance, which bounds the memory of a comparison to a few hundred megabytes, and latest time on a clock."""
 
+MAX_COORDINATE = 1e6
+"""A kilometre in millimetres: no dance is farther from the origin, in any unit."""
+
 SMOOTHING_S = 0.08
 """Standard deviation of the Gaussian. Twice as much or half as much orders no more dances (docs/ledger.md, Dance score)."""
 
@@ -29,6 +32,11 @@ KERNEL_RADIUS_S = max(3.0 * SMOOTHING_S, MAX_GAP_S)
 OUTLIER_M = 0.15
 """A sample at this distance from the first line has half its weight in the second fit. The distance is far beyond noise and
 beyond the deviation of a dance from a straight line."""
+
+TRUNK = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]
+DERIVED_M = 5e-4
+"""A torso that is nowhere farther, along an axis, from the mean of the trunk's other joints was derived from them; files are
+rounded to a tenth of a millimetre. Torsos of bodies are centimetres away."""
 
 TIME_TOLERANCE_S = 1e-6
 """Allows for rounding of stored time stamps."""
@@ -77,6 +85,12 @@ class Performance:
         return bool(self.confidence.any())
 
     @property
+    def torso_is_derived(self) -> bool:
+        """Whether the torso is but the mean of shoulders and hips, as of files that name none: it shows no bend of the back."""
+        off_m = np.abs(self.joints_m[:, Joint.TORSO] - self.joints_m[:, TRUNK].mean(axis=1))
+        return bool(np.isfinite(off_m).any()) and not (off_m > DERIVED_M).any()
+
+    @property
     def unseen_joints(self) -> list[Joint]:
         """The joints that are missing in every frame."""
         return [Joint(number) for number in np.flatnonzero(~self.confidence.any(axis=0))]
@@ -89,23 +103,45 @@ def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: st
     if fps is None or not 0 < fps <= 1000:
         raise InputError(f"the {whose}'s dance is an array without times and fps={fps}; give its frames per second, fps=30")
     try:
-        return Performance(dance, np.arange(len(dance)) / fps)
-    except InputError as error:
+        return check_rate(Performance(dance, np.arange(len(dance)) / fps))
+    except (InputError, TypeError) as error:  # a TypeError of what has no length
         raise InputError(f"the {whose}'s dance: {error}") from error
+
+
+def with_derived_torso(joints_m: np.ndarray, confidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(..., 15, 3) joints with the mean of shoulders and hips as the torso, and their (..., 15) confidence."""
+    joints_m, confidence = joints_m.copy(), confidence.copy()
+    joints_m[..., Joint.TORSO, :] = joints_m[..., TRUNK, :].mean(axis=-2)
+    confidence[..., Joint.TORSO] = confidence[..., TRUNK].min(axis=-1)
+    return joints_m, confidence
+
+
+def check_rate(dance: Performance) -> Performance:
+    """Raises InputError for a dance whose frames are farther apart than gaps may be: hardly a joint could be resampled."""
+    interval_s = float(np.median(np.diff(dance.times_s))) if len(dance) > 1 else 0.0
+    if interval_s > MAX_GAP_S + TIME_TOLERANCE_S:
+        raise InputError(f"frames are {interval_s:.3g} s apart, in the median; expected at most {MAX_GAP_S:g} s")
+    return dance
 
 
 def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """(..., 15, 3) joints with missing ones NaN, and (..., 15) float64 confidence in 0..1 with missing ones 0.
 
-    A joint with a coordinate that is not finite, or of confidence 0, is missing; None is a confidence of 1 everywhere.
+    A joint with a coordinate that is not finite, or of confidence 0, is missing; None is a confidence of 1 everywhere. Raises
+    InputError for other confidence, and for coordinates with which no sum would be finite.
     """
     shape = joints_m.shape[:-1]
-    values = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)
+    try:
+        values = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"confidence: expected an array of numbers ({error})") from error
     if values.shape != shape:
         raise InputError(f"confidence of shape {values.shape}: expected one number a joint, {shape}")
     if not ((values >= 0) & (values <= 1)).all():
         raise InputError(f"confidence from {values.min()} to {values.max()}: expected numbers from 0 to 1")
     missing = np.logical_not(np.isfinite(joints_m).all(axis=-1)) | (values == 0)
+    if (largest := np.abs(joints_m[~missing]).max(initial=0)) > MAX_COORDINATE:
+        raise InputError(f"a coordinate of {largest:g}: expected at most {MAX_COORDINATE:g} metres")
     return np.where(missing[..., None], np.nan, joints_m), np.where(missing, 0.0, values)
 
 

@@ -22,7 +22,7 @@ from kpopnet.dance.noise.steady import FEATURE
 from kpopnet.dance.noise.table import known_noise
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
 from kpopnet.dance.parts import PartScorer, PartTeacher
-from kpopnet.dance.performance import Performance, as_performance, resampled
+from kpopnet.dance.performance import Performance, as_performance, resampled, with_derived_torso
 from kpopnet.dance.timing import MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore, not_compared
 from kpopnet.errors import InputError, check_between, check_one_of
@@ -221,8 +221,10 @@ def score_dance(
     """
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
     if not unobserved_is_nan:
-        _check_observed(learner, "learner")
+        check_observed(learner.is_observed, len(learner), "learner")
     learner = Performance(learner.joints_m, learner.times_s - scorer.latency_s, learner.confidence)
+    if derives_torso(scorer, teacher, learner.torso_is_derived):
+        teacher, learner = derived_torso(teacher), derived_torso(learner)
     grid = TimeGrid(teacher, scorer.feature, free_s=free_s)
     grid.check_overlap(grid.frames_of(learner))
     joints, prepared, scores = grid.resampled(learner, grid.frames), scorer.teacher(grid.teacher), []
@@ -234,10 +236,26 @@ def score_dance(
     return preferred(*scores)
 
 
-def _check_observed(dance: Performance, whose: str) -> None:
-    if not dance.is_observed:
+def derives_torso(scorer: Scorer, teacher: Performance, of_learner: bool) -> bool:
+    """Whether the torso of both dances is derived before they are compared, since that of the teacher or `of_learner` is.
+
+    A bend of the back that only one of them can show would be a difference of definitions. Of a learner whose estimator's noise
+    is known, the webcam's, that difference to a teacher's own torso is a part of the noise.
+    """
+    return teacher.torso_is_derived or (of_learner and scorer.noise in ("none", "auto"))
+
+
+def derived_torso(dance: Performance) -> Performance:
+    """A dance whose torso is the mean of shoulders and hips."""
+    joints_m, confidence = with_derived_torso(dance.joints_m, dance.confidence)
+    return Performance(joints_m, dance.times_s, confidence)
+
+
+def check_observed(is_observed: bool, frames: int, whose: str) -> None:
+    """Raises InputError for a dance in none of whose frames a joint is known."""
+    if not is_observed:
         raise InputError(
-            f"the {whose}'s dance: no joint is known in any of its {len(dance)} frames; was a person found in the recording?"
+            f"the {whose}'s dance: no joint is known in any of its {frames} frames; was a person found in the recording?"
         )
 
 
@@ -252,7 +270,7 @@ class TimeGrid:
     """
 
     def __init__(self, teacher: Performance, feature: str, fps: float = FPS, free_s: Stretches = ()) -> None:
-        _check_observed(teacher, "teacher")
+        check_observed(teacher.is_observed, len(teacher), "teacher")
         self._feature, self._fps, self._start_s = feature, fps, float(teacher.times_s[0])
         self.frames = self.frames_of(teacher)
         if len(self.frames) < round(WINDOW_S * fps):
@@ -408,7 +426,7 @@ class Comparison:
             coverage={name: _mean(coverage[name], weight) for name in shown},
             mirrored=self.mirrored,
             mirror_fits_better=False,
-            tempo=tempo(start_s, np.where(weight > 0, delay_s, math.nan), posture),
+            tempo=tempo(start_s, delay_s, posture, weight),
             uncertainty=200 * (math.nan if spread is None else spread) * _mean((1 - kept) / kept, weight),
             scorer=scorer,
             teacher_m=self._grid.teacher_m,

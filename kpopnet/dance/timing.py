@@ -12,6 +12,13 @@ MIN_POSTURE = 50.0
 MIN_WINDOWS = 6
 """Windows that a tempo or a latency needs."""
 
+SURE_WINDOWS = 20
+"""Windows of a tempo that need not be half of the dance: delays are bounded, so over 10 s chance makes no slope worth telling,
+and who dances at another tempo leaves the band of delays before the half of a long dance."""
+
+MOST_WINDOWS = 500
+"""Windows whose pairs give a tempo: all pairs of a dance of two hours would take 4 GB."""
+
 HARMONICS, BEAT_STEPS = 3, 400
 """Of the mean course of a hand over a beat: waves of its Fourier series, and samples."""
 
@@ -22,19 +29,21 @@ MIN_BEAT_MOVEMENT_M, MIN_BEAT_SHARE, MIN_BEAT_SAMPLES = 0.15, 0.5, 60
 """For a latency: least path of the hand, share of its variance that repeats with the beat, and number of images."""
 
 
-def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray) -> float:
+def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray, weight: np.ndarray) -> float:
     """The learner's tempo divided by the teacher's, from the slope of the delay.
 
     A learner at r times the teacher's tempo shows at time t what the teacher shows at r t, so the delay grows by 1 - r a
     second. The slope is the median over pairs of windows (Theil 1950), so that windows matched in a wrong place do not count.
-    The (N,) start and delay of the windows are seconds, the delay NaN where unknown. NaN with fewer than MIN_WINDOWS windows of
-    a known delay and a posture of at least MIN_POSTURE.
+    The (N,) start and delay of the windows are seconds, the delay NaN where unknown; those without weight do not count. NaN
+    unless MIN_WINDOWS windows, and half of all or SURE_WINDOWS, have a known delay and a posture of at least MIN_POSTURE.
     """
-    good = np.isfinite(delay_s) & (posture >= MIN_POSTURE)
-    if good.sum() < MIN_WINDOWS:
+    good = np.flatnonzero(np.isfinite(delay_s) & (posture >= MIN_POSTURE) & (weight > 0))
+    if len(good) < max(MIN_WINDOWS, min((weight > 0).sum() / 2, SURE_WINDOWS)):
         return math.nan
-    first, second = np.triu_indices(int(good.sum()), 1)
-    return float(1 - np.median((delay_s[good][second] - delay_s[good][first]) / (start_s[good][second] - start_s[good][first])))
+    good = good[np.linspace(0, len(good) - 1, min(len(good), MOST_WINDOWS)).astype(int)]
+    first, second = np.triu_indices(len(good), 1)
+    rise_s, run_s = (one[good][second] - one[good][first] for one in (delay_s, start_s))
+    return float(1 - np.median(rise_s / run_s))
 
 
 def measured_latency_s(delay_s: np.ndarray, posture: np.ndarray) -> float:

@@ -8,10 +8,9 @@ Learners are named from the best to the worst: their order becomes the labels. T
 
     python evaluate.py benchmark=kpop benchmark.path=OUT 'estimator=[]'
 
-Recordings are files of any format that `kpopnet score` reads (docs/dance_scoring.md): BVH, CSV, JSON, npz. The torso is the
-mean of shoulders and hips, as in the paper (section 2.3). The unit (metres, centimetres or millimetres) and the vertical axis
-are inferred from the dancer's trunk. Every dancer is rotated about the vertical axis to face the camera on average over the
-first twentieth of the frames.
+Recordings are files of any format that `kpopnet score` reads (docs/dance_scoring.md): BVH, CSV, JSON, npz. The unit (metres,
+centimetres or millimetres) and the vertical axis are inferred from the dancer's trunk. Every dancer is rotated about the
+vertical axis to face the camera on average over the first twentieth of the frames.
 
 ImperialDance: files dance_level_[e|i|b]_GENRE_chN.npy, (takes, 3, frames, 21) at 100 Hz. For every choreography one expert's
 take is the teacher; the learners are another expert's, an intermediate dancer's and a beginner's.

@@ -16,7 +16,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from kpopnet.dance.diagnosis import CORRECTIONS, RecordingFault, corrected, delayed, diagnose
+from kpopnet.dance.diagnosis import AS_RECORDED, CORRECTIONS, Correction, RecordingFault, composed, corrected, delayed, diagnose
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.noise.table import NOISE
@@ -99,10 +99,11 @@ def main() -> None:
     learner = delayed(
         read_observed(given.learner, given.learner_fps, given.joint_map, given.correct_learner, given.scorer), given.late
     )
-    diagnosis = diagnose(teacher, learner, scorer, given.as_is, given.free, given.late)
+    before = Correction(given.correct_teacher, given.correct_learner, late_s=given.late)
+    diagnosis = diagnose(teacher, learner, scorer, given.as_is, given.free, before)
     diagnosis.faults[:0] = other_formats(given.teacher, given.learner)
-    by_itself = diagnosis.correction is not None and diagnosis.correction.learner == "mirrored"
-    diagnosis = diagnosis._replace(mirrored=(given.correct_learner == "mirrored") != by_itself)
+    done = composed(before.learner, (diagnosis.correction or AS_RECORDED).learner)
+    diagnosis = diagnosis._replace(mirrored=done == "mirrored")
     teacher, learner = diagnosis.teacher, diagnosis.learner
     score = score_dance(teacher, learner, scorer, free_s=given.free)
     if math.isnan(score.similarity):

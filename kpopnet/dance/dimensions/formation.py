@@ -16,6 +16,7 @@ from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, figure, stanc
 from kpopnet.dance.performance import Performance, resampled
 from kpopnet.dance.scoring import Stretches
 from kpopnet.dance.window import FPS, WINDOW_S
+from kpopnet.errors import InputError
 from kpopnet.languages import Said
 
 MOST_SPREAD = 2.0
@@ -34,8 +35,11 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance], 
     """Grades learners' places relative to each other; the first of them dances as the first teacher, and so on.
 
     Both in the frames of their cameras, on the clock of the dance, of which the stretches `free_s` are left out. None where all
-    learners are not seen together for a window.
+    learners are not seen together for a window, or the size of no teacher is known. Raises InputError unless there are as many
+    learners as teachers.
     """
+    if not len(teachers) == len(learners) > 0:
+        raise InputError(f"{len(teachers)} teachers and {len(learners)} learners: expected as many, one or more")
     both = (*teachers, *learners)
     at_s = np.arange(max(one.times_s[0] for one in both), min(one.times_s[-1] for one in both), 1 / FPS)
     if not len(at_s):
@@ -45,12 +49,13 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance], 
     for begin_s, end_s in free_s:
         places_m[:, (at_s >= begin_s) & (at_s < end_s)] = np.nan
     known = np.isfinite(places_m).all(axis=(0, 2))
-    if known.sum() < WINDOW_S * FPS:
+    lengths_m = [one.length_m for one in stances[: len(teachers)] if np.isfinite(one.length_m)]
+    if known.sum() < WINDOW_S * FPS or not lengths_m:
         return None
     goal_m, danced_m = (one - one.mean(axis=0) for one in (places_m[: len(teachers)], places_m[len(teachers) :]))
     factor = np.sqrt((goal_m**2)[:, known].sum() / max((danced_m**2)[:, known].sum(), 1e-9))
     factor = float(np.clip(factor, 1 / MOST_SPREAD, MOST_SPREAD))
-    length_m = float(np.mean([one.length_m for one in stances[: len(teachers)]]))
+    length_m = float(np.mean(lengths_m))
     place, errors = DIMENSIONS["place"], (factor * danced_m - goal_m) / length_m
     staying = np.nanmean(goal_m, axis=1, keepdims=True) - goal_m
     similarity = figure(place.similarity(errors.reshape(-1, 2)), place.similarity(staying.reshape(-1, 2) / length_m))

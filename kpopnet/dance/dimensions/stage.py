@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kpopnet.dance.features import MIN_BONE_M
 from kpopnet.dance.window import FPS, WINDOW_FRAMES
 from kpopnet.languages import Said
 from kpopnet.skeleton import Joint
@@ -212,9 +213,11 @@ def stance(joints_m: np.ndarray) -> Stance:
     is_level = np.hypot(left_m[:, 0], left_m[:, 2]) > LEAST_LEVEL * np.linalg.norm(left_m, axis=1)
     heading = np.where(is_level, np.arctan2(left_m[:, 2], left_m[:, 0]), np.nan)
     to_left, to_front = _left_and_front(trunk_m, _held(heading))
-    trunk = np.stack([to_left, -trunk_m[:, 1], to_front], axis=1) / np.linalg.norm(trunk_m, axis=1, keepdims=True)
+    lengths_m = np.linalg.norm(trunk_m, axis=1)
+    trunk = np.stack([to_left, -trunk_m[:, 1], to_front], axis=1)
+    trunk /= np.where(lengths_m < MIN_BONE_M, math.nan, lengths_m)[:, None]
     bones_m = [np.linalg.norm(joints_m[:, end] - joints_m[:, begin], axis=2).mean(axis=1) for begin, end in _LEGS]
-    return Stance(hips_m, trunk, heading, sum(_median(one) for one in (np.linalg.norm(trunk_m, axis=1), *bones_m)))
+    return Stance(hips_m, trunk, heading, sum(_median(one) for one in (lengths_m, *bones_m)))
 
 
 _HIPS, _FEET = [Joint.LEFT_HIP, Joint.RIGHT_HIP], [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
@@ -229,8 +232,9 @@ def _median(values: np.ndarray) -> float:
 
 def _levelling(up_m: np.ndarray) -> np.ndarray:
     """(3, 3) rotation of the camera frame after which the median of (T, 3) directions points up, if it did nearly before."""
-    up_m = up_m[np.isfinite(up_m).all(axis=1)]
-    up = np.median(up_m / np.linalg.norm(up_m, axis=1, keepdims=True), axis=0) if len(up_m) else np.zeros(3)
+    lengths_m = np.linalg.norm(up_m, axis=1)
+    known = lengths_m >= MIN_BONE_M  # false for NaN
+    up = np.median(up_m[known] / lengths_m[known, None], axis=0) if known.any() else np.zeros(3)
     if -up[1] <= math.cos(MAX_TILT) * np.linalg.norm(up):
         return np.eye(3)
     x, y, z = up / np.linalg.norm(up)

@@ -1,8 +1,9 @@
 """Recorded 3D points with names, of COCO, Kinect, ImperialDance or our own, as the fifteen joints of a performance.
 
-The torso is the mean of shoulders and hips, as in the paper (section 2.3). The unit (metres, centimetres or millimetres) and
-the vertical axis (y or z, up or down) are inferred from the dancer's trunk. The whole sequence is rotated about the vertical
-axis so that the dancer faces the camera on average over the first twentieth of the frames.
+The torso is that of the file, where it names one, else the mean of shoulders and hips, as in the paper (section 2.3). The unit
+(metres, centimetres or millimetres) and the vertical axis (y or z, up or down) are inferred from the dancer's trunk. The whole
+sequence is rotated about the vertical axis so that the dancer faces the camera on average over the first twentieth of the
+frames.
 """
 
 import re
@@ -12,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import MAX_COORDINATE, Performance, check_rate, with_derived_torso
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_fields, expect, names_in, read_json
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -45,6 +46,7 @@ IMPERIAL_NAMES = (
 _POINTS = {
     Joint.HEAD: (("head",), ("leftear", "rightear"), ("nose",)),
     Joint.NECK: (("neck",), ("shouldercenter",), ("spineshoulder",)),
+    Joint.TORSO: (("torso",), ("spinemid",), ("spinenavel",), ("spinenaval",)),
 } | {
     Joint[f"{side.upper()}_{part}"]: tuple(tuple(side + word for word in words) for words in alternatives)
     for part, alternatives in {
@@ -67,10 +69,10 @@ NECK_FRACTION_TO_EARS = 0.37
 """Position of the neck on the line from the middle of the shoulders (0) to the middle of the ears (1), on synth's mean adult;
 the trackers' neck fractions end at the head joint."""
 
-_SHOULDERS, _HIPS = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER], [Joint.RIGHT_HIP, Joint.LEFT_HIP]
+OPTIONAL = {Joint.HEAD, Joint.NECK, Joint.TORSO}
+"""Joints that a recording may lack."""
 
-MAX_COORDINATE = 1e6
-"""A kilometre in millimetres: no dance is farther from the origin."""
+_SHOULDERS, _HIPS = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER], [Joint.RIGHT_HIP, Joint.LEFT_HIP]
 
 _UNITS_M, _TRUNK_RANGE_M = (1.0, 0.01, 0.001), (0.25, 0.9)
 
@@ -129,8 +131,8 @@ def named_joints(recorded: NamedPoints, source: str) -> tuple[np.ndarray, np.nda
         middle = joints[:, _SHOULDERS].mean(axis=1)
         joints[:, Joint.NECK] = middle + NECK_FRACTION_TO_EARS * (joints[:, Joint.HEAD] - middle)
         confidence[:, Joint.NECK] = confidence[:, [*_SHOULDERS, Joint.HEAD]].min(axis=1)
-    joints[:, Joint.TORSO] = joints[:, _SHOULDERS + _HIPS].mean(axis=1)
-    confidence[:, Joint.TORSO] = confidence[:, _SHOULDERS + _HIPS].min(axis=1)
+    if not np.isfinite(joints[:, Joint.TORSO]).any():
+        joints, confidence = with_derived_torso(joints, confidence)
     return joints, confidence
 
 
@@ -152,7 +154,7 @@ def _joint_places(names: Sequence[str], source: str, known_already: Collection[J
         raise InputError(
             f"{source}: points of {names_in(sorted(subjects))}; expected one person: give each a file of their own"
         )
-    needed = _POINTS.keys() - {Joint.HEAD, Joint.NECK, *known_already, *found}
+    needed = _POINTS.keys() - {*OPTIONAL, *known_already, *found}
     missing = [joint.name.lower() for joint in _POINTS if joint in needed]
     if missing:
         raise InputError(
@@ -175,6 +177,8 @@ def with_joint_map(recorded: NamedPoints, joint_map: Path, source: str) -> Named
         bool(given) and given.keys() <= set(known), where, f"an object of {', '.join(known)}, found {names_in(given) or 'none'}"
     )
     points = {joint: [str(one) for one in (words if isinstance(words, list) else [words])] for joint, words in given.items()}
+    for joint, words in points.items():
+        expect(bool(words), where, f"a point, or more, for {joint}")
     wanted, own = {word for words in points.values() for word in words}, [name.strip() for name in recorded.names]
     missing = [word for word in sorted(wanted) if word not in own]
     if len(missing) == len(wanted):
@@ -222,9 +226,11 @@ def frame_times_s(
 
 
 def checked_performance(joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None, source: str) -> Performance:
-    """A performance each of whose joints, but for head and neck, which the paper's feature does not use, is seen somewhere."""
+    """A performance of a rate that can be compared, each of whose joints, but for head and neck, which the paper's feature does
+    not use, is seen somewhere.
+    """
     try:
-        performance = Performance(joints_m, times_s, confidence)
+        performance = check_rate(Performance(joints_m, times_s, confidence))
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
     unseen = [joint.name.lower() for joint in performance.unseen_joints if joint not in (Joint.HEAD, Joint.NECK)]
@@ -255,7 +261,7 @@ def _trunks(joints: np.ndarray) -> np.ndarray:
 
 
 def _before_level_camera_m(joints: np.ndarray, first: np.ndarray, source: str) -> np.ndarray:
-    """(T, 15, 3) float32 joints in metres before a level camera (x right, y down, z forward), with the paper's torso.
+    """(T, 15, 3) float32 joints in metres before a level camera (x right, y down, z forward).
 
     The (T, 15, 3) given ones are in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down.
     The camera stands before the dancer whose joints are the `first` ones, in the same unit and frame.

@@ -75,13 +75,13 @@ def read_csv(path: Path) -> NamedPoints:
         expect(len(row) == len(header), f"{path}, line {line}", f"{len(header)} cells as in the header, found {len(row)}")
     if long_places is not None:
         return _long_points(rows, long_places, path)
-    frames = []
+    frames, lower = [], [word.lower() for word in header]
     for line, row in rows:
         joints = {name: [_number(row[place], f"{path}, line {line}") for place in own] for name, own in places.items()}
-        times = {time: _number(row[header.index(time)], f"{path}, line {line}") for time in TIMES if time in header}
+        times = {time: _number(row[lower.index(time)], f"{path}, line {line}") for time in TIMES if time in lower}
         frames.append({"joints": joints} | times)
-    number_at = next((number for number, word in enumerate(header) if word.lower() in NUMBERS), None)
-    if number_at is not None and not any(time in header for time in TIMES):
+    number_at = next((number for number, word in enumerate(lower) if word in NUMBERS), None)
+    if number_at is not None and not any(time in lower for time in TIMES):
         numbers = [row[number_at].strip() for _, row in rows]
         if all(map(str.isdecimal, numbers)):
             expect(

@@ -87,7 +87,7 @@ def causes(score: DanceScore, phrases_s: list[tuple[float, float]]) -> Iterator[
         rested_s = sum(max(min(one.end_s, end_s) - max(one.start_s, start_s), 0) for one in rests)
         if not np.isfinite(score.windows.timing[inside]).any() or 2 * rested_s > end_s - start_s:
             continue
-        rows = slice(round((start_s - first_s) * FPS), round((end_s - first_s) * FPS))
+        rows = slice(max(round((start_s - first_s) * FPS), 0), round((end_s - first_s) * FPS))  # a phrase may begin before
         posture = float(np.nanmean(score.windows.posture[inside]))
         if posture <= MAX_POSTURE:
             compared = compared or _compared(score)

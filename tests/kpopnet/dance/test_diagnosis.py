@@ -1,11 +1,13 @@
 """Faults of recordings are found, named and corrected; good recordings and poor dancers are left as they are."""
 
+import itertools
+
 import dance_learners as made
 import numpy as np
 import pytest
 from dance_people import dance_joints_m, joints_of, mirrored, noisy, performed
 
-from kpopnet.dance.diagnosis import corrected, delayed, diagnose, knees_bend_backwards
+from kpopnet.dance.diagnosis import CORRECTIONS, Correction, composed, corrected, delayed, diagnose, knees_bend_backwards
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.skeleton import Joint
@@ -92,6 +94,21 @@ def test_where_nothing_is_to_be_corrected_faults_are_named_with_the_option_that_
     assert "late 0.50" in late.text and late.corrected == pytest.approx(whole, abs=4)
     (tempo,) = faults(TEACHER, delayed(LEARNER, 0.0, 0.8))
     assert "recorded at 30 frames a second, not 37.5" in tempo.text
+
+
+@pytest.mark.parametrize(
+    ("recorded", "given"), [("reflected", "swapped"), ("mirrored", "reflected"), ("as_recorded", "mirrored")]
+)
+def test_the_option_that_is_named_takes_the_place_of_the_one_given(recorded, given):
+    now = corrected(corrected(TEACHER, recorded), given)
+    (fault,) = diagnose(TEACHER, now, CONFIG, as_is=True, given=Correction(learner=given)).faults
+    assert f"--correct-learner {recorded}" in fault.text
+
+
+def test_two_corrections_are_one():
+    for first, second in itertools.product(CORRECTIONS, repeat=2):
+        twice_m = corrected(corrected(TEACHER, first), second).joints_m
+        np.testing.assert_array_equal(twice_m, corrected(TEACHER, composed(first, second)).joints_m)
 
 
 def test_a_practice_of_half_an_hour_is_diagnosed():

@@ -205,6 +205,13 @@ def test_phrases_are_counted_from_the_beat_whenever_the_recording_begins(begin_s
     assert feedback(score).phrases[0].start_s == begin_s  # without a beat from the first frame
 
 
+def test_the_first_phrase_has_its_cause_also_where_it_begins_before_the_recording():
+    learner_m, times_s = TEACHER_M.copy(), 1 + np.arange(len(TEACHER_M)) / FPS
+    learner_m[:90] = mirrored(TEACHER_M)[:90]
+    told = feedback(score_dance(Performance(TEACHER_M, times_s), Performance(learner_m, times_s)), beat_s=0.5)
+    assert told.phrases[0].start_s == 0 and told.phrases[0].moments[0].direction == "mirrored"
+
+
 @pytest.mark.parametrize("seconds", [8.9, 9.2, 9.6])
 def test_every_phrase_has_a_window(seconds):
     copy = performed(dance_joints_m(2, seconds))

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.dance.dimensions.formation import MOST_SPREAD, formation
+from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
 SECONDS, FAULT_S = 16.0, (6.0, 10.0)
@@ -70,3 +71,19 @@ def test_who_is_not_seen_together_for_a_window_is_not_graded():
     assert formation([performed(one) for one in group()], learners) is None
     late = [performed(one, delay_s=SECONDS) for one in group()]
     assert formation([performed(one) for one in group()], late) is None
+
+
+def test_a_group_is_as_large_as_those_of_its_teachers_whose_feet_are_seen():
+    teachers = group()
+    teachers[0] = teachers[0].copy()
+    teachers[0][:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]] = np.nan
+    assert formation(*([performed(one) for one in dancers] for dancers in (teachers, group()))).similarity > 99
+    footless = [performed(teachers[0])]
+    assert formation(footless, footless) is None
+
+
+@pytest.mark.parametrize("learners", [0, 1, 3])
+def test_groups_of_other_sizes_are_refused(learners):
+    teachers = [performed(one) for one in group()[:2]] if learners else []
+    with pytest.raises(InputError, match=f"{len(teachers)} teachers and {learners} learners"):
+        formation(teachers, [performed(one) for one in group()[:learners]])

@@ -139,7 +139,16 @@ def test_dropped_frames_and_other_frame_rates_hardly_change_the_score():
         assert score_dance(performed(joints_m), other).similarity > 85
 
 
+def online_score(learner):
+    online = OnlineScorer(performed(JOINTS_M))
+    for joints_m, time_s in zip(learner.joints_m, learner.times_s, strict=True):
+        online.update(joints_m, float(time_s))
+    return online.finish()
+
+
 LOST = performed(np.full_like(JOINTS_M, np.nan))
+FAR = JOINTS_M.copy()
+FAR[100, 7] = 1e200
 
 
 @pytest.mark.parametrize(
@@ -152,8 +161,15 @@ LOST = performed(np.full_like(JOINTS_M, np.nan))
         (lambda: score_dance(JOINTS_M, JOINTS_M[:, :14], fps=FPS), r"the learner's dance: joints of shape \(360, 14, 3\)"),
         (lambda: Performance(JOINTS_M[:3], np.array([0, 0.2, 0.1])), r"frame 2 has time 0\.1: times must be finite and incr"),
         (lambda: Performance(JOINTS_M[:1], np.zeros(1), np.full((1, 15), np.nan)), "expected numbers from 0 to 1"),
+        (lambda: Performance(JOINTS_M[:1], np.zeros(1), "abc"), "confidence: expected an array of numbers"),
+        (lambda: Performance(JOINTS_M[:1], np.zeros(1), [[1], [1, 2]]), "confidence: expected an array of numbers"),
+        (lambda: Performance(FAR, np.arange(len(FAR)) / FPS), r"a coordinate of 1e\+200: expected at most 1e\+06 metres"),
+        (lambda: OnlineScorer(performed(JOINTS_M)).update(FAR[100], 0.1), r"a coordinate of 1e\+200"),
+        (lambda: score_dance(JOINTS_M, JOINTS_M, fps=3), r"the teacher's dance: frames are 0\.333 s apart"),
+        (lambda: score_dance(3, JOINTS_M, fps=FPS), "the teacher's dance: .*int"),
         (lambda: OnlineScorer(performed(JOINTS_M)).update(JOINTS_M[0, :14], 0.1), r"joints of shape \(14, 3\)"),
         (lambda: OnlineScorer(performed(JOINTS_M)).finish(), "no whole window"),
+        (lambda: online_score(LOST), "the learner's dance: no joint is known in any of its 360 frames"),
         (lambda: PartScorer(noise="odd"), r"^noise=odd: expected one of auto, none, .*tracker"),
         (lambda: PaperScorer(feature="odd"), "^feature=odd: .*dance22, dance22_turn, raptis"),
     ],

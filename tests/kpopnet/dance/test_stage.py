@@ -102,6 +102,12 @@ def test_what_is_not_seen_has_no_figure():
     assert min(stage(made.hidden(TEACHER_M, 8.0, 16.0)).figures.values()) > 99
 
 
+def test_frames_whose_joints_lie_in_one_point_take_no_figure_away():
+    learner_m = TEACHER_M.copy()
+    learner_m[200:230] = 0
+    assert min(stage(learner_m).figures.values()) > 85
+
+
 @pytest.mark.parametrize("whose", [("teacher",), ("learner",), ("teacher", "learner")])
 def test_joints_about_the_hips_have_no_place_and_no_height_and_that_is_said(whose):
     """One who travels 0.8 m and jumps 0.4 m is not told so, where either recording does not know where the body is."""

@@ -1,9 +1,11 @@
-"""The latency of a set-up, from somebody who moves on the beat."""
+"""The latency of a set-up, from somebody who moves on the beat, and the tempo of a dance."""
+
+import tracemalloc
 
 import numpy as np
 import pytest
 
-from kpopnet.dance.timing import beat_latency_s
+from kpopnet.dance.timing import beat_latency_s, tempo
 from kpopnet.skeleton import Joint
 
 BEAT_S = 1.0
@@ -39,3 +41,11 @@ def test_who_does_not_move_on_the_beat_tells_nothing():
     assert np.isnan(beat_latency_s(joints_m, times_s * 1.37, BEAT_S))  # to a beat of their own
     assert np.isnan(beat_latency_s(joints_m[:20], times_s[:20], BEAT_S))
     assert np.isnan(beat_latency_s(np.full_like(joints_m, np.nan), times_s, BEAT_S))
+
+
+def test_the_tempo_of_a_dance_of_two_hours_takes_little_memory():
+    start_s, rng = 0.5 * np.arange(14400), np.random.default_rng(0)
+    tracemalloc.start()
+    found = tempo(start_s, -0.02 * start_s + rng.normal(0, 0.1, len(start_s)), *np.full((2, len(start_s)), 90.0))
+    assert found == pytest.approx(1.02, abs=1e-4) and tracemalloc.get_traced_memory()[1] < 50e6
+    tracemalloc.stop()

@@ -75,6 +75,7 @@ def test_a_joint_map_says_which_points_are_which_joints(tmp_path, expected):
         ({"left_hand": "M01", "left_foot": "Q"}, r"a\.trc: expected the points Q of .*\.json; it names M00"),
         ({"left_paw": "M01"}, r"map\.json: expected an object of head, neck"),
         ([], r"map\.json"),
+        ({"left_hand": []}, r"map\.json: expected a point, or more, for left_hand"),
         ({"left_hand": "M01"}, "no point for .*right_hand"),
     ):
         (tmp_path / "map.json").write_text(json.dumps(content))

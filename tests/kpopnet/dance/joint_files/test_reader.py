@@ -97,6 +97,19 @@ def test_a_foot_is_the_middle_of_ankle_and_foot_and_a_hand_is_preferred_to_a_wri
     assert heights[0] == pytest.approx(heights[1], abs=0.01)
 
 
+@pytest.mark.parametrize("name", ["torso", "SpineMid", "SPINE_NAVEL", "SPINE_NAVAL"])
+def test_a_torso_that_is_named_is_the_joint_and_else_it_is_derived(tmp_path, name):
+    positions, derived = kinect(), read_performance(write_json(tmp_path / "a.json", kinect()))
+    trunk = np.mean([positions[one] for one in ("ShoulderLeft", "ShoulderRight", "HipLeft", "HipRight")], axis=0)
+    own = read_performance(write_json(tmp_path / "b.json", positions | {name: trunk + np.array([0.05, 0.1, 0])}))
+    assert derived.torso_is_derived and not own.torso_is_derived
+    moved_m = own.joints_m - derived.joints_m
+    np.testing.assert_allclose(np.linalg.norm(moved_m[:, Joint.TORSO], axis=1), np.hypot(0.05, 0.1), atol=1e-5)
+    np.testing.assert_allclose(np.delete(moved_m, Joint.TORSO, axis=1), 0, atol=1e-5)
+    never = read_performance(write_csv(tmp_path / "c.csv", positions | {name: np.full((FRAMES, 3), np.nan)}))
+    assert never.torso_is_derived
+
+
 def test_missing_points_are_missing_joints_and_confidence_is_the_least_of_the_points(tmp_path):
     positions = kinect() | {"FootLeft": kinect()["AnkleLeft"]}
     frames = [{"joints": {name: [*points[k], 0.9] for name, points in positions.items()}} for k in range(FRAMES)]
@@ -175,10 +188,17 @@ def test_frames_that_a_wide_table_leaves_out_keep_their_time_and_two_people_in_o
         read_performance(tmp_path / "two.csv", 25)
 
 
+def test_times_of_a_table_are_known_in_any_case(tmp_path):
+    path = write_csv(tmp_path / "a.csv", person())
+    path.write_text(path.read_text().replace("time_s", "Time_S", 1))
+    np.testing.assert_allclose(read_performance(path).times_s, TIMES_S)
+
+
 @pytest.mark.parametrize("number", ["frame", "time_s"])
 @pytest.mark.parametrize("first", [0, 1, 2, 30])
 def test_a_motion_begins_at_one_time_in_wide_and_in_long_tables(tmp_path, number, first):
     clock, points = first + np.delete(np.arange(FRAMES + 1), 7), person()
+    clock = clock / 10 if number == "time_s" else clock
     wide = write_csv(tmp_path / "wide.csv", points, {number: clock})
     wide.write_text(wide.read_text() if number == "time_s" else wide.read_text().replace("time_s", "clock", 1))
     rows = (f"{at},{name},{x},{y},{z}" for k, at in enumerate(clock) for name, one in points.items() for x, y, z in one[[k]])
@@ -187,7 +207,7 @@ def test_a_motion_begins_at_one_time_in_wide_and_in_long_tables(tmp_path, number
     np.testing.assert_array_equal(one.times_s, other.times_s)
     np.testing.assert_allclose(one.joints_m, other.joints_m, atol=1e-6)
     begins_s = one.times_s[np.isfinite(one.joints_m).all(axis=(1, 2)).argmax()]
-    assert begins_s == pytest.approx(first if number == "time_s" else max(first - 1, 0) / 10)
+    assert begins_s == pytest.approx((first if number == "time_s" else max(first - 1, 0)) / 10)
 
 
 def test_a_given_frame_rate_overrides_the_files(tmp_path):
@@ -198,6 +218,8 @@ def test_a_given_frame_rate_overrides_the_files(tmp_path):
         read_performance(tmp_path / "b.npz")
     with pytest.raises(InputError, match=r"0 frames a second; expected 1 to 1000"):
         read_performance(tmp_path / "b.npz", 0.0)
+    with pytest.raises(InputError, match=r"b\.npz: frames are 0\.333 s apart, in the median; expected at most 0\.25 s"):
+        read_performance(tmp_path / "b.npz", 3.0)
 
 
 def test_what_is_missing_is_named(tmp_path):
