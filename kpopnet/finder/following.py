@@ -83,11 +83,10 @@ class Followed:
         self._time_s = time_s
         trusted = [track for track in self._tracks if time_s - track.certain_s < DOUBTED_S]
         doubted = [track for track in self._tracks if time_s - track.certain_s >= DOUBTED_S]
-        # Who was seen in the image before comes first, as in DeepSORT (Wojke et al. 2017): nobody who stands still is given to
-        # another detection so that somebody hidden gets theirs.
-        found = _paired([track for track in trusted if not track.hidden], centres_m, range(len(centres_m)), time_s)
-        left = [column for column in range(len(centres_m)) if column not in found]
-        found |= _paired([track for track in trusted if track.hidden], centres_m, left, time_s)
+        # Certain ones choose first: nobody is given to an uncertain one so that somebody hidden gets what is theirs.
+        found = _paired(trusted, centres_m, np.flatnonzero(certain).tolist(), time_s)
+        left = [track for track in trusted if all(track is not one for one in found.values())]
+        found |= _paired(left, centres_m, np.flatnonzero(~certain).tolist(), time_s)
         certain_left = [column for column in np.flatnonzero(certain).tolist() if column not in found]
         found |= _paired(doubted, centres_m, certain_left, time_s)
         for column in certain_left:

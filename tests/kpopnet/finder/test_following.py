@@ -117,8 +117,7 @@ def test_people_who_move_while_the_images_stall_are_still_the_same():
     assert followed.identify(moved_m[::-1], certain, 1.63) == [1, 0]
 
 
-def test_who_stands_still_keeps_their_identity_whatever_appears_beside_them():
-    """Nor is an uncertain detection beside them taken for them so that somebody hidden gets their place."""
+def test_nobody_is_given_to_an_uncertain_detection_so_that_somebody_hidden_gets_their_place():
     followed, certain = Followed(), np.ones(2, bool)
     stands, other, between = ((x, 0, 3) for x in (0.0, 1.25, -0.4))
     for image in range(10):
