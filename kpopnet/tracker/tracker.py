@@ -136,11 +136,16 @@ class Tracker:
         if _visible_px(grid) < DROPOUT_RATIO * last.visible_px:
             self.state = last._replace(step_m=np.zeros_like(last.step_m), visible_px=DROPOUT_DECAY * last.visible_px)
             return self._joints_and_confidence(grid)
-        last = self.state = _brought(last, np.median(grid.points_m, axis=0))
+        moved_m = np.median(grid.points_m, axis=0) - last.middle_m
+        self.state = last._replace(middle_m=last.middle_m + moved_m)
         body, stride = self.body, max(1, len(grid.points_m) // SUBSAMPLE_POINTS)
 
         expected_m = last.joints_m + VELOCITY_DAMPING * np.clip(last.step_m, -MAX_STEP_M, MAX_STEP_M)
         candidates = [expected_m, last.joints_m, *swap_crossed_limbs(last.joints_m)]
+        if (
+            np.linalg.norm(moved_m) > MAX_ASSOCIATION_M
+        ):  # hidden for a moment, or images are missing: the last pose is out of reach
+            candidates.append(last.joints_m + moved_m)
         fitted_m = _best_fit(candidates, expected_m, grid, body, stride)
         joints_m, _ = refit_limbs(fitted_m, last.joints_m, grid, body, stride)
         self.state = self._next_state(fit(joints_m, grid, body, FINAL_ITERATIONS), depth_m, grid)
@@ -192,16 +197,6 @@ class Tracker:
         if not np.isfinite(joints_m).all():
             return None
         return fit(joints_m, grid, self.body, FINAL_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
-
-
-def _brought(last: State, middle_m: np.ndarray) -> State:
-    """The last state before a frame whose points have the median (3,) `middle_m`; its pose is moved to points out of its reach:
-    somebody who was hidden comes back elsewhere, or images are missing.
-    """
-    moved_m = middle_m - last.middle_m
-    if np.linalg.norm(moved_m) <= MAX_ASSOCIATION_M:
-        return last._replace(middle_m=middle_m)
-    return last._replace(joints_m=last.joints_m + moved_m, middle_m=middle_m, step_m=np.zeros_like(last.step_m))
 
 
 def _visible_px(grid: DepthGrid) -> float:
