@@ -55,7 +55,7 @@ _POINTS = {
         ("Shoulder", "Arm"), ("Elbow", "ForeArm"), ("Wrist", "Hand"), ("Hip", "UpLeg"), ("Knee", "Leg"), ("Ankle", "Foot"),
         ("Foot", "ToeBase"),
     )},
-    "Head": "Head", "Neck": "Neck", "Torso": "Spine",
+    "Head": "Head", "Neck": "Neck",
 }  # fmt: skip
 """Our names of points to MotionBuilder's names of the joints that lie there. A clavicle, "Shoulder", begins at the neck."""
 
@@ -127,8 +127,6 @@ def skeleton_points(
 ) -> NamedPoints:
     """The (T, J, 3) positions of joints by the names of points; `found` is what `find_joints` gives."""
     names = [name for name, joint in _POINTS.items() if joint in found]
-    if found["Spine"] in (found["LowerBack"], found.get("Spine1")):  # no joint between the hips' and the arms'
-        names.remove("Torso")
     return NamedPoints(names, positions[:, [found[_POINTS[name]] for name in names]], times_s, fps=fps)
 
 

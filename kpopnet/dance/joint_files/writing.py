@@ -156,18 +156,16 @@ def skeleton(points_cm: np.ndarray) -> tuple[dict[str, PosedBone], np.ndarray]:
     """
     at: Mapping[str, np.ndarray] = {joint.name.lower(): points_cm[:, joint] for joint in Joint}
     hips, chest = (at["left_hip"] + at["right_hip"]) / 2, (at["left_shoulder"] + at["right_shoulder"]) / 2
-    lower, upper = at["torso"] - hips, chest - at["torso"]
-    pelvis = _facing(at["left_hip"] - at["right_hip"], lower)
-    thorax = _facing(at["left_shoulder"] - at["right_shoulder"], upper)
+    pelvis = _facing(at["left_hip"] - at["right_hip"], chest - hips)
+    thorax = _facing(at["left_shoulder"] - at["right_shoulder"], chest - hips)
     # The neck's place in the thorax is constant, so that the head's direction from it is exact and its place nearly so.
     neck_cm = np.median(rotate(conjugate(thorax), at["neck"] - chest), axis=0)
     neck_at = chest + rotate(thorax, neck_cm)
     neck = _turned(thorax, UP, at["head"] - neck_at)
     bones = {
         "Hips": PosedBone("", np.zeros(3), pelvis),
-        "LowerBack": PosedBone("Hips", np.zeros(3), _turned(pelvis, UP, lower)),
-        "Spine": PosedBone("LowerBack", UP * _length(lower), _turned(pelvis, UP, upper)),
-        "Spine1": PosedBone("Spine", UP * _length(upper), thorax),
+        "Spine": PosedBone("Hips", np.zeros(3), _turned(pelvis, UP, chest - hips)),
+        "Spine1": PosedBone("Spine", UP * _length(chest - hips), thorax),
         "Neck": PosedBone("Spine1", neck_cm, neck),
         "Head": PosedBone("Neck", UP * _length(at["head"] - neck_at), neck),
     }
@@ -180,11 +178,11 @@ def skeleton(points_cm: np.ndarray) -> tuple[dict[str, PosedBone], np.ndarray]:
             first, second, third = (at[f"{side.lower()}_{joint}"] for joint in joints)
             half_cm = _length(at[f"left_{joints[0]}"] - at[f"right_{joints[0]}"]) / 2
             rest = sign * LEFT if parent == "Spine1" else DOWN  # direction of the limb in the rest pose
-            root = _turned(base, rest, second - first)
-            tip = _turned(root, rest, third - second)
-            bones[side + names[0]] = PosedBone(parent, sign * half_cm * LEFT, root)
-            bones[side + names[1]] = PosedBone(side + names[0], rest * _length(second - first), tip)
-            bones[side + names[2]] = PosedBone(side + names[1], rest * _length(third - second), tip, end_cm * rest)
+            upper = _turned(base, rest, second - first)
+            lower = _turned(upper, rest, third - second)
+            bones[side + names[0]] = PosedBone(parent, sign * half_cm * LEFT, upper)
+            bones[side + names[1]] = PosedBone(side + names[0], rest * _length(second - first), lower)
+            bones[side + names[2]] = PosedBone(side + names[1], rest * _length(third - second), lower, end_cm * rest)
     return bones, hips
 
 

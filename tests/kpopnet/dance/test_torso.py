@@ -16,15 +16,15 @@ TEACHER_M = dance_joints_m(0)
 HUNCHED_M = made.hunched(TEACHER_M, 30)
 
 
-@pytest.mark.parametrize(("suffix", "tolerance"), [(".csv", 0.5), (".json", 0.5), (".bvh", 2)])
-def test_a_bent_back_costs_as_much_in_files_of_names_as_in_arrays(tmp_path, suffix, tolerance):
+@pytest.mark.parametrize("suffix", [".csv", ".json"])
+def test_a_bent_back_costs_as_much_in_files_of_names_as_in_arrays(tmp_path, suffix):
     files = {name: tmp_path / f"{name}{suffix}" for name in ("teacher", "learner")}
     for path, joints_m in zip(files.values(), (TEACHER_M, HUNCHED_M), strict=True):
         write_performance(path, performed(joints_m))
     teacher, learner = map(read_performance, files.values())
     score, expected = score_dance(teacher, learner), score_dance(performed(TEACHER_M), performed(HUNCHED_M))
-    assert score.parts["torso"] == pytest.approx(expected.parts["torso"], abs=2 * tolerance) and score.parts["torso"] < 40
-    assert score.similarity == pytest.approx(expected.similarity, abs=tolerance)
+    assert score.parts["torso"] == pytest.approx(expected.parts["torso"], abs=1) and score.parts["torso"] < 40
+    assert score.similarity == pytest.approx(expected.similarity, abs=0.5)
 
 
 @pytest.mark.parametrize("name", ["dance22", "paper"])

@@ -9,7 +9,7 @@ from programs import ROOT
 from scipy.spatial.transform import Rotation
 from vmd_files import write_vmd
 
-from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, find_joints, skeleton_points
+from kpopnet.dance.joint_files.bones import MEAN_ADULT_M
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
@@ -154,28 +154,14 @@ def assert_joints_lie_at(read, at):
         for side in ("Left", "Right")
         for joint, bones in JOINT_AT.items()
     }
-    places |= {(side, "HAND"): at[f"{side}Hand"] for side in ("Left", "Right")} | {("", "TORSO"): at["Spine"]}
-    ours = [Joint[f"{side.upper()}_{joint}".strip("_")] for side, joint in places]
+    places |= {(side, "HAND"): at[f"{side}Hand"] for side in ("Left", "Right")}
+    ours = [Joint[f"{side.upper()}_{joint}"] for side, joint in places]
     expected, found = np.stack(list(places.values()), axis=1), read.joints_m[:, ours]
     for values in (found, expected):
         assert values.shape == (len(read.times_s), len(ours), 3)
     apart = [np.linalg.norm(values[:, :, None] - values[:, None], axis=-1) for values in (found, expected)]
     np.testing.assert_allclose(*apart, atol=1e-3)
     assert np.ptp(found[..., 1] + expected[..., 1]) < 1e-3
-
-
-def test_a_chain_without_a_middle_has_no_torso_of_its_own(in_bvh, tmp_path):
-    names = {"Hips": 0, "Spine": 1, "Spine1": 2, "Head": 3}
-    parents = [-1, 0, 1, 2]
-    for side in ("Left", "Right"):
-        for begin, bones in (("Spine1", ("Arm", "ForeArm", "Hand")), ("Hips", ("UpLeg", "Leg", "Foot"))):
-            parent = names[begin]
-            for bone in bones:
-                parents.append(parent)
-                parent = names[side + bone] = len(names)
-    found = find_joints(list(names), parents, tmp_path)
-    assert "Torso" not in skeleton_points(found, np.zeros((1, len(names), 3))).names
-    assert not in_bvh.torso_is_derived
 
 
 def test_the_mean_adult_is_that_of_the_body_model():
