@@ -142,10 +142,12 @@ class Tracker:
 
         expected_m = last.joints_m + VELOCITY_DAMPING * np.clip(last.step_m, -MAX_STEP_M, MAX_STEP_M)
         candidates = [expected_m, last.joints_m, *swap_crossed_limbs(last.joints_m)]
-        if (
-            np.linalg.norm(moved_m) > MAX_ASSOCIATION_M
-        ):  # hidden for a moment, or images are missing: the last pose is out of reach
-            candidates.append(last.joints_m + moved_m)
+        if np.linalg.norm(moved_m) > MAX_ASSOCIATION_M:
+            # Out of reach of the last pose: who was hidden comes back elsewhere, or images are missing. A mask that covers two
+            # people for a moment has another median too, but no pose explains it.
+            there_m = fit(last.joints_m + moved_m, grid, body, FINAL_ITERATIONS)
+            if pose_cost(there_m, grid, body) < MAX_BASELINE_RATIO * last.baseline_cost_m2:
+                candidates.append(there_m)
         fitted_m = _best_fit(candidates, expected_m, grid, body, stride)
         joints_m, _ = refit_limbs(fitted_m, last.joints_m, grid, body, stride)
         self.state = self._next_state(fit(joints_m, grid, body, FINAL_ITERATIONS), depth_m, grid)
