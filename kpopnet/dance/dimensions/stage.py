@@ -14,7 +14,7 @@ vertical of a dance is the median direction from feet to neck, if that lies with
 for most of a dance is therefore taken for the camera's, and a leg that is lifted for most of it tilts the vertical a little.
 Joints about the hips, as MediaPipe's world landmarks are, do not know where they are: place and height are then not graded.
 
-A figure is the skill score of `kpopnet.dance.parts`: the mean of exp(-(error / scale)^2) above that of somebody who stays as
+A figure is the skill score of `kpopnet.dance.parts`: the mean of exp(-(error / scale)^2) above that of a person who stays as
 the teacher is on average. The similarity of the dance does not contain it. Head and feet are not graded: the head is one joint,
 and a foot is a point without a direction.
 """
@@ -198,7 +198,7 @@ def runs(flags: np.ndarray) -> list[slice]:
 
 
 def figure(compared: np.ndarray, staying: np.ndarray) -> float:
-    """The skill score, 0 to 100, of similarities in 0..1, above those of somebody who stays as the teacher is on average."""
+    """The skill score, 0 to 100, of similarities in 0..1, above those of a person who stays as the teacher is on average."""
     lost = min(float(staying.mean()), MAX_STAYING)
     return 100 * max((float(compared.mean()) - lost) / (1 - lost), 0.0)
 
