@@ -45,6 +45,17 @@ class Estimator(Protocol):
         ...
 
 
+@runtime_checkable
+class Judge(Estimator, Protocol):
+    """An estimator that can tell whether depth shows a person at all."""
+
+    def judge(self, depth_m: np.ndarray, camera: Camera) -> tuple[Estimate, np.ndarray | None]:
+        """What `estimate` answers, and for each frame a (T,) logit, whose sigmoid is the probability that it shows a person,
+        -inf of an empty silhouette; None if it was not made to judge, or all silhouettes are empty.
+        """
+        ...
+
+
 def base_estimator(estimator: Estimator) -> Estimator:
     """The wrapped estimator if this one refines the joints of another, else the estimator itself."""
     return getattr(estimator, "estimator", estimator)

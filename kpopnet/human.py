@@ -1,6 +1,8 @@
 """A person found in a depth image: what every way of finding people answers."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,6 +10,14 @@ from kpopnet.camera import Camera
 
 MARGIN_PX = 2
 """Empty pixels around a human in their box: the ridge needs them."""
+
+
+class Look(NamedTuple):
+    """What a network saw in one human's depth."""
+
+    joints_camera_m: np.ndarray  # (15, 3) float32 joints, metres, NaN where missing
+    confidence: np.ndarray  # (15,) float32, 0 where missing
+    person_logit: float | None  # its sigmoid is the probability that the depth shows a person at all; None: not judged
 
 
 @dataclass(frozen=True)
@@ -22,6 +32,8 @@ class Human:
     # (3,) float32 the human's middle, camera frame, metres: of the visible surface by Algorithm 1, the torso joint as the
     # finder estimates it
     centre_m: np.ndarray
+    certainty: float = 1.0  # the probability that it is a human
+    look: Look | None = None  # where a network has looked at it already
 
     @classmethod
     def cut_out(
@@ -49,3 +61,7 @@ class Human:
         """The camera of `depth_m`, given the camera of the full image."""
         x0, y0, x1, y1 = self.box
         return camera.cropped(x0, y0, x1 - x0, y1 - y0)
+
+
+Looker = Callable[[Human], Look]
+"""Looks at what may be a human."""

@@ -31,7 +31,7 @@ from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.finder.network import export_finder
 from kpopnet.finder.network import load_network as load_finder
-from kpopnet.networks import META, WEIGHTS, portable
+from kpopnet.networks import META, PERSON, WEIGHTS, portable
 from kpopnet.networks.backend import GRAPH, filters
 from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.estimator import NetworkEstimator
@@ -54,7 +54,10 @@ def ship(checkpoint: Path, folder: Path) -> None:
     if paths := [text for text in texts_in(meta) if "/" in text or "\\" in text]:
         raise InputError(f"{checkpoint}: its description holds {paths[0]!r}, which looks like a path")
     described = (json.dumps(meta, indent=1) + "\n").encode()
+    person, network.person = network.person, None
     files = {WEIGHTS: _halved(network, checkpoint), META: described}
+    if person is not None:
+        files[PERSON] = _halved(person, checkpoint)
     with tempfile.TemporaryDirectory() as place:
         for name, content in files.items():
             (Path(place) / name).write_bytes(content)
@@ -162,7 +165,7 @@ def main() -> None:
         parser.error("a network needs --set")
     ShardedSet(given.set)  # refused before anything is written
     ship(given.checkpoint, given.out)
-    sizes = {name: (given.out / name).stat().st_size for name in (WEIGHTS, META)}
+    sizes = {path.name: path.stat().st_size for path in map(given.out.joinpath, (WEIGHTS, META, PERSON)) if path.is_file()}
     print("; ".join(f"{name}: {size:,} bytes" for name, size in sizes.items()))
     networks = NetworkEstimator(given.checkpoint), NetworkEstimator(given.out)
     changed_mm = changes_mm(*networks, given.set, given.images)

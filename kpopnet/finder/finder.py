@@ -1,6 +1,6 @@
 """The finder: everybody in one depth image of any scene before any camera, and who is who in films."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -9,13 +9,26 @@ from kpopnet.camera import Camera, check_camera, depth_in_metres
 from kpopnet.data.canvas import STRIDE, Reduced, reduced
 from kpopnet.errors import InputError, check_between
 from kpopnet.finder.following import FRAME_S, UNKNOWN, Followed
-from kpopnet.finder.people import INPUTS, OUTPUT_NAMES, Cells, Network, certainty, gather_people, pixel_owners
-from kpopnet.human import Human
+from kpopnet.finder.people import (
+    INPUTS,
+    OUTPUT_NAMES,
+    Cells,
+    Network,
+    certainty,
+    certainty_together,
+    gather_people,
+    pixel_owners,
+)
+from kpopnet.human import Human, Looker
 from kpopnet.networks.backend import filters, onnx_session
 from kpopnet.weights import shipped_finder
 
 LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.4, 0.03, 8
 """Of the cells of a person; the least surface that shows of a person, and the least number of their cells."""
+
+LEAST_ALONE, LEAST_TOGETHER = 0.6, 0.8
+"""Somebody new is reported who is a person with at least this probability by the finder alone, and together with a network that
+looked closer."""
 
 FOLLOWED_CERTAINTY = 0.2
 """A person who is being followed is reported with at least this certainty, where they are expected: what is found with little
@@ -28,23 +41,28 @@ class FinderConfig:
 
     Attributes:
         weights: a file of `train.py --config-name finder`; None: the finder that comes with the package.
-        least_certainty: somebody new is reported who is a person with at least this probability.
+        least_certainty: somebody new is reported who is a person with at least this probability; None: 0.6 by the finder alone,
+            0.8 where the network of joints looks at them too.
     """
 
     weights: str | None = None
-    least_certainty: float = 0.6
+    least_certainty: float | None = None
 
     def __post_init__(self) -> None:
-        check_between("extraction.least_certainty", self.least_certainty, 0, 1)
+        if self.least_certainty is not None:
+            check_between("extraction.least_certainty", self.least_certainty, 0, 1)
 
 
 class PersonFinder:
     """Finds the people in the images of one camera, which may move, and follows them from image to image."""
 
-    def __init__(self, camera: Camera, config: FinderConfig = FinderConfig()) -> None:
-        """Raises InputError if the weights are missing, damaged or of another version."""
+    def __init__(self, camera: Camera, config: FinderConfig = FinderConfig(), looker: Looker | None = None) -> None:
+        """With a `looker`, it is asked about everybody, and they are as certain as both say.
+
+        Raises InputError if the weights are missing, damaged or of another version.
+        """
         check_camera(camera)
-        self.camera, self.config, self._followed, self._time_s = camera, config, Followed(), 0.0
+        self.camera, self.config, self.looker, self._followed, self._time_s = camera, config, looker, Followed(), 0.0
         self._network = open_finder(config.weights)
 
     def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
@@ -55,20 +73,39 @@ class PersonFinder:
         canvas = reduced(depth_m, self.camera)
         cells = cells_of(self._network, canvas)
         people = gather_people(cells, LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS)
-        probability = certainty(people)
-        sure = probability >= min(FOLLOWED_CERTAINTY, self.config.least_certainty)
+        probability, given = certainty(people), self.config.least_certainty
+        least = FOLLOWED_CERTAINTY if given is None else min(FOLLOWED_CERTAINTY, given)
+        sure = probability >= least
         numbers = np.append(0, np.where(sure, np.cumsum(sure), 0)).astype(np.uint8)
-        centres_m, owner = people.centres_m[sure], numbers[people.owner]
+        owners, boxes = pixel_owners(
+            depth_m, cells.depth_m, cells.probability, numbers[people.owner], canvas.reduction, int(sure.sum())
+        )
+        found = enumerate(zip(boxes, people.centres_m[sure], probability[sure], strict=True), 1)
+        looked_at = (
+            self._looked_at(Human.cut_out(UNKNOWN, depth_m, owners, number, box, centre_m), float(one))
+            for number, (box, centre_m, one) in found
+            if box[2] > box[0]
+        )
+        humans = [human for human in looked_at if human.certainty >= least]
         self._time_s = self._time_s + FRAME_S if time_s is None else time_s
-        identities = self._followed.identify(centres_m, probability[sure] >= self.config.least_certainty, self._time_s)
-        owners, boxes = pixel_owners(depth_m, cells.depth_m, cells.probability, owner, canvas.reduction, len(centres_m))
-        found = enumerate(zip(identities, boxes, centres_m, strict=True), 1)
-        humans = [
-            Human.cut_out(identity, depth_m, owners, number, box, centre_m)
-            for number, (identity, box, centre_m) in found
-            if identity != UNKNOWN and box[2] > box[0]
-        ]
-        return sorted(humans, key=lambda human: human.identity)
+        centres_m = np.reshape([human.centre_m for human in humans], (-1, 3))
+        certain = np.array([self._is_certain(human) for human in humans], bool)
+        identities = self._followed.identify(centres_m, certain, self._time_s)
+        known = (replace(human, identity=one) for human, one in zip(humans, identities, strict=True) if one != UNKNOWN)
+        return sorted(known, key=lambda human: human.identity)
+
+    def _looked_at(self, human: Human, probability: float) -> Human:
+        look = None if self.looker is None else self.looker(human)
+        if look is not None and look.person_logit is not None:
+            probability = certainty_together(probability, look.person_logit)
+        return replace(human, certainty=probability, look=look)
+
+    def _is_certain(self, human: Human) -> bool:
+        least = self.config.least_certainty
+        if least is None:
+            is_judged = human.look is not None and human.look.person_logit is not None
+            least = LEAST_TOGETHER if is_judged else LEAST_ALONE
+        return human.certainty >= least
 
 
 def cells_of(network: Network, canvas: Reduced) -> Cells:

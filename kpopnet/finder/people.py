@@ -4,6 +4,7 @@ Every cell that shows a person votes for where this person's torso is. Votes tha
 divided in the image; each pixel belongs to the person whose cells are beside it at its depth.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -176,6 +177,17 @@ def certainty_features(people: People) -> np.ndarray:
 def certainty(people: People) -> np.ndarray:
     """(P,) probability that each is a person whose centre is within 30 cm of the torso, in scenes full of clutter."""
     return 1 / (1 + np.exp(-(SURE[0] + certainty_features(people) @ SURE[1:])))
+
+
+TOGETHER = (-0.48, 0.74, 0.72)
+"""Constant and weights of the logarithms of the odds that the finder and a network that looks closer give that somebody is a
+person, fitted by tools/fit_person.py on scenes of validation."""
+
+
+def certainty_together(certainty: float, person_logit: float) -> float:
+    """The probability that it is a person, of the finder's, strictly between 0 and 1, and the logit of a closer look."""
+    logit = TOGETHER[0] + TOGETHER[1] * math.log(certainty / (1 - certainty)) + TOGETHER[2] * person_logit
+    return 1 / (1 + math.exp(-max(logit, -500.0)))
 
 
 BESIDE_M, BESIDE_PER_M = 0.08, 0.02

@@ -25,7 +25,7 @@ STRIDES = (4, 8, 16)
 MAX_WIDTH = 512
 """A checkpoint's description chooses widths, and the crop: they bound the weights to 0.3 GB, and a batch's maps to a few."""
 
-META, WEIGHTS = "meta.json", "model.safetensors"
+META, WEIGHTS, PERSON = "meta.json", "model.safetensors", "person.safetensors"
 FORMAT = "kpopnet-checkpoint"
 VERSION = 1
 

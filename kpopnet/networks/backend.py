@@ -23,7 +23,7 @@ ONNX_SUFFIX = ".onnx"
 KEY, ONNX_FORMAT = "kpopnet", "kpopnet-onnx"
 """The metadata entry of an ONNX file that holds its description (kpopnet.networks), and its format."""
 
-INPUT, OUTPUTS = "crops", ("joints", "confidence")
+INPUT, OUTPUTS, PERSON_LOGIT = "crops", ("joints", "confidence"), "person_logit"
 
 GRAPH = "graph.onnx"
 """Of the network that comes with the package: an ONNX file without its filters."""
@@ -38,8 +38,10 @@ class Backend(Protocol):
 
     meta: dict
 
-    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 15, 3) joints in cube units and (N, 15) confidence from (N, C, S, S) float32 crops (kpopnet.data.cube.crop)."""
+    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """From (N, C, S, S) float32 crops (kpopnet.data.cube.crop): (N, 15, 3) joints in cube units, (N, 15) confidence, and
+        the (N,) logit of the probability that they show a person, None where it does not judge.
+        """
         ...
 
 
@@ -101,16 +103,20 @@ class OnnxBackend:
         size = INPUTS[model.input], model.crop_px, model.crop_px
         wanted = {INPUT: size, OUTPUTS[0]: (NUM_JOINTS, 3), OUTPUTS[1]: (NUM_JOINTS,)}
         found = {one.name: tuple(one.shape[1:]) for one in (*session.get_inputs(), *session.get_outputs())}
+        self.outputs = list(OUTPUTS)
+        if found.get(PERSON_LOGIT) == ():
+            self.outputs.append(PERSON_LOGIT)
+            del found[PERSON_LOGIT]
         expect(found == wanted, str(path), f"values of the shapes {wanted} for each crop, found {found}")
         read_with(lambda _: self(np.zeros((1, *size), np.float32)), self.path, "ONNX Runtime cannot run it")
 
-    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """See `Backend`."""
-        joints, confidence = self._session.run(list(OUTPUTS), {INPUT: crops})
-        return joints, confidence
+        joints, confidence, *person = self._session.run(self.outputs, {INPUT: crops})
+        return joints, confidence, person[0] if person else None
 
     def __getstate__(self) -> dict:
-        return {"path": self.path, "filters": self.filters, "content": self.content, "meta": self.meta}
+        return {name: getattr(self, name) for name in ("path", "filters", "content", "meta", "outputs")}
 
     @cached_property
     def _session(self) -> Any:

@@ -6,6 +6,7 @@ In the folder of a run:
         model.safetensors   the averaged weights, for inference
         state.pt            current weights and optimiser state, needed to resume besides the averaged weights
         meta.json           format, version, step, model, config, metrics, mean pose, git revision, packages
+        person.safetensors  where tools/fit_person.py was run: whether a crop shows a person
     last, best              links to two checkpoints; the others are removed
 
 At each moment both links point to a whole checkpoint: a step that is saved again, by a run that was resumed from `best`, goes
@@ -29,8 +30,8 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from kpopnet.errors import InputError
-from kpopnet.networks import FORMAT, META, VERSION, WEIGHTS, ModelConfig, read_meta
-from kpopnet.networks.network import PoseNetwork, build_network
+from kpopnet.networks import FORMAT, META, PERSON, VERSION, WEIGHTS, ModelConfig, read_meta
+from kpopnet.networks.network import PersonHead, PoseNetwork, build_network
 from kpopnet.runtime.atomic_write import sync
 from kpopnet.runtime.input_files import check_fields, read_with
 from kpopnet.runtime.provenance import git_revision
@@ -152,15 +153,18 @@ def load_network(folder: Path | str, device: str | torch.device = "cpu") -> tupl
     meta = read_meta(folder)
     network = build_network(ModelConfig(**meta["model"]))
     load_weights(network, folder)
+    if (Path(folder) / PERSON).is_file():
+        network.person = PersonHead(network.config.widths[-1])
+        load_weights(network.person, folder, PERSON)
     return network.to(device).eval(), meta
 
 
-def load_weights(network: PoseNetwork, folder: Path | str) -> None:
+def load_weights(network: torch.nn.Module, folder: Path | str, name: str = WEIGHTS) -> None:
     """Loads a checkpoint's averaged weights into a network; float16, half the size on disk, becomes float32.
 
     Raises InputError if they are missing, damaged, or of another architecture.
     """
-    path = Path(folder) / WEIGHTS
+    path = Path(folder) / name
     problem = f"missing, damaged, or not the weights that {META} describes"
     weights = read_with(load_file, path, problem)
     expected = network.state_dict()
@@ -195,7 +199,7 @@ class TorchBackend:
         self.device = torch.device(device)
 
     @torch.inference_mode()
-    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """See `Backend`."""
         batch = torch.from_numpy(crops).to(self.device)
         threads = torch.get_num_threads()
@@ -207,7 +211,9 @@ class TorchBackend:
             prediction = self.network(batch)
         finally:
             torch.set_num_threads(threads)
-        return prediction.joints.cpu().numpy(), prediction.confidence.cpu().numpy()
+        person = prediction.person_logit
+        joints, confidence = prediction.joints.cpu().numpy(), prediction.confidence.cpu().numpy()
+        return joints, confidence, None if person is None else person.cpu().numpy()
 
 
 def run_folder(resume: str | None, fresh: str) -> str:

@@ -42,6 +42,10 @@ class NetworkEstimator:
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
+        return self.judge(depth_m, camera)[0]
+
+    def judge(self, depth_m: np.ndarray, camera: Camera) -> tuple[Estimate, np.ndarray | None]:
+        """See `kpopnet.estimator.Judge`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
         if not self._warned and shows_a_room(depth_m[len(depth_m) // 2 :][:1], camera):
             self._warned = True
@@ -51,14 +55,17 @@ class NetworkEstimator:
                 self.name,
             )
         result = Estimate.missing(len(depth_m))
+        judges, person_logit = False, np.full(len(depth_m), -np.inf, np.float32)
         cubes = person_cubes(depth_m, camera, self.model.half_size_m)
         frames = list(cubes)
         for batch in (frames[i : i + BATCH] for i in range(0, len(frames), BATCH)):
             crops = np.stack([self._crop(depth_m[i], camera, cubes[i]) for i in batch])
-            uvd, result.confidence[batch] = self.backend(crops)
+            uvd, result.confidence[batch], person = self.backend(crops)
+            if person is not None:
+                judges, person_logit[batch] = True, person
             for frame, estimate in zip(batch, uvd, strict=True):
                 result.joints_camera_m[frame] = cubes[frame].to_metres(estimate)
-        return result
+        return result, person_logit if judges else None
 
     def _crop(self, depth_m: np.ndarray, camera: Camera, cube: Cube) -> np.ndarray:
         ridge = None if self.ridge is None else ridge_probability(depth_m, self.ridge)

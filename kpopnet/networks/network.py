@@ -33,6 +33,7 @@ class Prediction(NamedTuple):
     joints: Tensor  # (B, 15, 3) u, v, d in cube units
     confidence_logit: Tensor  # (B, 15); its sigmoid is the confidence
     maps: dict[str, Tensor]  # other quantities that the head's loss needs, by name
+    person_logit: Tensor | None = None  # (B,); its sigmoid is the probability that the crop shows a person, where it is judged
 
     @property
     def confidence(self) -> Tensor:
@@ -208,6 +209,32 @@ class DenseHead(nn.Module):
         }
 
 
+class PersonHead(nn.Module):
+    """Judges whether a crop shows a person at all: a second look at what the finder took for one, with more pixels.
+
+    Two layers on what a network that knows people sees in the crop, the mean and the maximum of its coarsest map and its
+    joints' confidences. It is trained apart, by tools/fit_person.py, and shapes nothing else.
+    """
+
+    HIDDEN = 64
+
+    def __init__(self, coarse: int) -> None:
+        super().__init__()
+        features = 2 * coarse + NUM_JOINTS
+        self.layers = nn.Sequential(
+            nn.BatchNorm1d(features, affine=False), nn.Linear(features, self.HIDDEN), nn.ReLU(), nn.Dropout(0.3),
+            nn.Linear(self.HIDDEN, 1),
+        )  # fmt: skip
+
+    @staticmethod
+    def features(coarse: Tensor, confidence_logit: Tensor) -> Tensor:
+        return torch.cat([coarse.mean((2, 3)), coarse.amax((2, 3)), confidence_logit], 1)
+
+    def forward(self, coarse: Tensor, confidence_logit: Tensor) -> Tensor:
+        """(B,) logits from the (B, C, h, w) coarsest map and (B, 15)."""
+        return self.layers(self.features(coarse, confidence_logit))[:, 0]
+
+
 HEADS = {"holistic": HolisticHead, "dense": DenseHead}
 """By the name in ModelConfig.kind."""
 
@@ -221,12 +248,14 @@ class PoseNetwork(nn.Module):
         widths = tuple(config.widths)
         self.encoder = Encoder(INPUTS[config.input], widths)
         self.head = HEADS[config.kind](widths[1:], config.crop_px, config.half_size_m)
+        self.person: PersonHead | None = None
 
     def forward(self, crop: Tensor) -> Prediction:
         # bfloat16 only for the convolutions on GPUs, where it is faster; coordinates and their sums stay in float32.
         with torch.autocast(crop.device.type, torch.bfloat16, enabled=crop.is_cuda and self.training):
             maps = self.encoder(crop)
-        return self.head(tuple(x.float() for x in maps))
+        seen = self.head(tuple(x.float() for x in maps))
+        return seen if self.person is None else seen._replace(person_logit=self.person(maps[-1], seen.confidence_logit))
 
 
 def build_network(config: ModelConfig, seed: int = 0) -> PoseNetwork:

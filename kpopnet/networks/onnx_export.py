@@ -14,7 +14,7 @@ import kpopnet
 from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
 from kpopnet.networks import portable
-from kpopnet.networks.backend import INPUT, KEY, ONNX_FORMAT, ONNX_SUFFIX, OUTPUTS, OnnxBackend
+from kpopnet.networks.backend import INPUT, KEY, ONNX_FORMAT, ONNX_SUFFIX, OUTPUTS, PERSON_LOGIT, OnnxBackend
 from kpopnet.networks.network import PoseNetwork
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import optional_library
@@ -27,6 +27,7 @@ cube's centre in half sizes, clipped to -1..1, and 1 where nothing was measured;
 joints: (N, 15, 3) u, v, d in half sizes from the centre, right, down and forward; u and v are in perspective:
 X = (u + cx) / cz * Z, Y = (v + cy) / cz * Z, Z = d + cz with the centre (cx, cy, cz) in half sizes.
 confidence: (N, 15) estimated probability that a joint is within 10 cm of the truth.
+person_logit, where it is there: (N,) its sigmoid is the estimated probability that the crop shows a person.
 The metadata entry kpopnet has the model's settings, the ridge's, and the joints' names as JSON."""
 
 
@@ -37,9 +38,10 @@ class JointsAndConfidence(nn.Module):
         super().__init__()
         self.network = network
 
-    def forward(self, crops: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, crops: Tensor) -> tuple[Tensor, ...]:
         prediction = self.network(crops)
-        return prediction.joints, prediction.confidence
+        judged = () if prediction.person_logit is None else (prediction.person_logit,)
+        return prediction.joints, prediction.confidence, *judged
 
 
 def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
@@ -72,7 +74,7 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
     with atomic_path(path) as part:
         part.write_bytes(content.SerializeToString())
     found = OnnxBackend(path)(crops)
-    return max(float(np.abs(one - other).max()) for one, other in zip(expected, found, strict=True))
+    return max(float(np.abs(one - other).max()) for one, other in zip(expected, found, strict=False) if other is not None)
 
 
 def _traced(network: PoseNetwork, crops: Tensor) -> Any:
@@ -86,6 +88,6 @@ def _traced(network: PoseNetwork, crops: Tensor) -> Any:
             verbose=False,
             opset_version=OPSET,
             input_names=[INPUT],
-            output_names=list(OUTPUTS),
+            output_names=[*OUTPUTS, *([] if network.person is None else [PERSON_LOGIT])],
             dynamic_shapes=({0: torch.export.Dim("batch")},),
         ).model_proto

@@ -14,9 +14,10 @@ from kpopnet.camera import Camera, check_camera, depth_in_metres, subsampled
 from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.estimator import Estimator
 from kpopnet.finder.following import FRAME_S
+from kpopnet.human import Looker
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
-from kpopnet.pose.person import MODES, DetectedPerson, Pose, TrackedPerson, joined
+from kpopnet.pose.person import MODES, DetectedPerson, Pose, TrackedPerson, detected, joined
 from kpopnet.sources.source import TimedDepth
 
 log = logging.getLogger(__name__)
@@ -157,7 +158,7 @@ class PoseEstimator:
         depth_m, camera = _needed_image(depth, camera)
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()
-            self._extractor = build_extractor(camera, self.extraction)
+            self._extractor = build_extractor(camera, self.extraction, self._looker(camera))
         self._time_s = self._time_s + FRAME_S if time_s is None else time_s
         found = self._extractor.extract(depth_m, self._time_s)
         humans = {human.identity: human for human in islice(found, most)}
@@ -168,6 +169,13 @@ class PoseEstimator:
             self._people = {identity: person for identity, person in self._people.items() if identity in humans}
         poses = {identity: self._person(identity, camera).see(human, self._time_s) for identity, human in humans.items()}
         return {identity: pose for identity, pose in poses.items() if pose is not None}
+
+    def _looker(self, camera: Camera) -> Looker | None:
+        """Looks at whom the finder finds, by the network: what it sees is used again for their joints."""
+        mode, network = MODES[self.mode], self.network
+        if not mode.network or network is None:
+            return None
+        return lambda human: detected(network, mode, human.depth_m, human.cropped(camera))
 
     def _segmented(self, image: np.ndarray, camera: Camera, time_s: float) -> dict[int, Pose]:
         depth_m, camera = _needed_image(image, camera)

@@ -11,7 +11,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.finder.finder import FinderConfig, PersonFinder
-from kpopnet.human import Human
+from kpopnet.human import Human, Looker
 from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
 
 
@@ -29,9 +29,9 @@ class Extractor(Protocol):
         ...
 
 
-EXTRACTIONS: dict[str, tuple[type, Callable[[Camera, Any], Extractor]]] = {
+EXTRACTIONS: dict[str, tuple[type, Callable[[Camera, Any, Looker | None], Extractor]]] = {
     "finder": (FinderConfig, PersonFinder),
-    "paper": (PaperExtractionConfig, PaperExtractor),
+    "paper": (PaperExtractionConfig, lambda camera, settings, _: PaperExtractor(camera, settings)),
 }
 """Settings and builder of each. Each has a dataclass of its own, by which its builder is found."""
 
@@ -43,10 +43,12 @@ def extraction_name(settings: Any) -> str:
     return next(name for name, (schema, _) in EXTRACTIONS.items() if type(settings) is schema)
 
 
-def build_extractor(camera: Camera, settings: Any) -> Extractor:
-    """What finds people in the images of a camera, with these settings, of a type in `EXTRACTIONS`."""
+def build_extractor(camera: Camera, settings: Any, looker: Looker | None = None) -> Extractor:
+    """What finds people in the images of a camera, with these settings, of a type in `EXTRACTIONS`; the finder asks the
+    `looker`, if there is one, whether they are people.
+    """
     _, builder = EXTRACTIONS[extraction_name(settings)]
-    return builder(camera, settings)
+    return builder(camera, settings, looker)
 
 
 def extract_person(depth_m: np.ndarray, camera: Camera, settings: Any = DEFAULT_EXTRACTION, fps: float = 30.0) -> np.ndarray:

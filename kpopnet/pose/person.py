@@ -14,8 +14,8 @@ import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import check_one_of
-from kpopnet.estimator import Estimate, Estimator
-from kpopnet.human import Human
+from kpopnet.estimator import Estimate, Estimator, Judge
+from kpopnet.human import Human, Look
 from kpopnet.networks.over_time import ANOTHER_AFTER_S, Live, Measured, OverTime, read
 from kpopnet.skeleton import MIRROR
 from kpopnet.tracker.body_estimate import BodyEstimate
@@ -53,6 +53,28 @@ def _over_time(sees_future: bool) -> OverTime:
     return OverTime.load(shipped_over_time(sees_future))
 
 
+def detected(network: Estimator, mode: Mode, depth_m: np.ndarray, camera: Camera) -> Look:
+    """What a network sees in one (H, W) image of one person, in metres, 0 elsewhere."""
+    seen, person = _seen(network, depth_m, camera)
+    if not mode.mirrored:
+        return Look(seen.joints_camera_m[0], seen.confidence[0], person)
+    in_mirror, in_mirror_person = _seen(network, np.ascontiguousarray(depth_m[:, ::-1]), camera.mirrored())
+    joints_m = in_mirror.joints_camera_m[0, MIRROR] * np.array([-1, 1, 1], np.float32)
+    judged = person is not None and in_mirror_person is not None
+    return Look(
+        (seen.joints_camera_m[0] + joints_m) / 2,
+        (seen.confidence[0] + in_mirror.confidence[0, MIRROR]) / 2,
+        (person + in_mirror_person) / 2 if judged else None,
+    )
+
+
+def _seen(network: Estimator, depth_m: np.ndarray, camera: Camera) -> tuple[Estimate, float | None]:
+    if not isinstance(network, Judge):
+        return network.estimate(depth_m[None], camera), None
+    estimate, person_logit = network.judge(depth_m[None], camera)
+    return estimate, None if person_logit is None else float(person_logit[0])
+
+
 class DetectedPerson:
     """One person's joints in successive frames by a network; a frame's joints depend on it and on those before it."""
 
@@ -65,28 +87,23 @@ class DetectedPerson:
         if not 0 <= time_s - self._seen_s <= ANOTHER_AFTER_S:
             self._body = BodyEstimate()
         self._seen_s = time_s
-        return self.update(human.depth_m, human.cropped(self.camera), time_s)
+        return self.update(human.depth_m, human.cropped(self.camera), time_s, human.look)
 
     def miss(self) -> None:
         """The next image does not show the person."""
 
-    def update(self, depth_m: np.ndarray, camera: Camera, time_s: float) -> Pose:
-        """The pose in the next (H, W) image of this person, in metres, 0 elsewhere, taken at `time_s` seconds of any clock."""
-        detected_m, confidence = self._detect(depth_m, camera)
+    def update(self, depth_m: np.ndarray, camera: Camera, time_s: float, look: Look | None = None) -> Pose:
+        """The pose in the next (H, W) image of this person, in metres, 0 elsewhere, taken at `time_s` seconds of any clock.
+
+        `look` is what the network saw in it, where it was asked already.
+        """
+        detected_m, confidence, _ = look or detected(self.network, self.mode, depth_m, camera)
         fitted_m, evidence = refine_frame(self._body, Estimate(detected_m, confidence), depth_m, camera)
         if not np.isfinite(detected_m).all():
             return Pose(detected_m.astype(np.float32), confidence)
         fitted = probability(evidence, REFINED_WEIGHTS) if np.isfinite(evidence).all() else confidence
         measured = Measured(detected_m, fitted_m, confidence, fitted)
         return Pose(*self._live.update(measured, time_s), measured)
-
-    def _detect(self, depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-        seen = self.network.estimate(depth_m[None], camera)
-        if not self.mode.mirrored:
-            return seen.joints_camera_m[0], seen.confidence[0]
-        in_mirror = self.network.estimate(np.ascontiguousarray(depth_m[None, :, ::-1]), camera.mirrored())
-        joints_m = in_mirror.joints_camera_m[0, MIRROR] * np.array([-1, 1, 1], np.float32)
-        return (seen.joints_camera_m[0] + joints_m) / 2, (seen.confidence[0] + in_mirror.confidence[0, MIRROR]) / 2
 
 
 class TrackedPerson:

@@ -2,6 +2,7 @@
 
     model.safetensors              its filters in float16, the rest in float32; all is computed with in float32
     meta.json                      its description, as in every checkpoint (kpopnet.networks)
+    person.safetensors             its head that judges whether a crop shows a person
     finder.safetensors             the finder of people, stored likewise
     graph.onnx, finder_graph.onnx  both for ONNX Runtime, without their filters
     over_time_*.safetensors        joints over time: causal, and with the frames that follow
@@ -20,7 +21,8 @@ FOLDER = Path(__file__).parent
 SHA256: dict[str, str] = {
     "model.safetensors": "ee381b09e16c37197023ffa8f4d97c9786d88d51df83f161bb2c935e69fda04e",
     "meta.json": "b1e8d80966729fcedfbeb9f239c0021b0be0e2226e8811b4c24060c78641a1be",
-    "graph.onnx": "33cc4c9bbb1e6446210aa7a3233a1856498f2bbfa64ecacb1db36d4b7d030163",
+    "person.safetensors": "5427ed882c243ff73da8783b2048ba998b37e7ba16e45b7731a0c8c2ba1c31d7",
+    "graph.onnx": "1f01711f86f1c80fcb9861c18bc6a638c9d6d40015c33545616187d0355908df",
 }
 """Of each file that is loaded, as tools/ship_weights.py wrote it."""
 

@@ -9,6 +9,7 @@ from kpopnet.errors import InputError
 from kpopnet.finder import finder as finder_module
 from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.finder.network import CellsOfImage, Seen
+from kpopnet.human import Look
 
 CAMERA = Camera.centred(500.0, 640, 480)
 
@@ -39,6 +40,10 @@ def run_by_torch(network):
         return lambda *given: tuple(one.detach().numpy() for one in finder(*map(torch.from_numpy, given)))
 
 
+def look(person_logit):
+    return Look(np.zeros((15, 3), np.float32), np.ones(15, np.float32), person_logit)
+
+
 @pytest.fixture
 def knowing(monkeypatch):
     """A finder of images of CAMERA around a network that knows the answer."""
@@ -52,6 +57,19 @@ def test_a_person_is_cut_out_of_the_first_image_and_followed(knowing):
         (human,) = knowing.extract(depth_m)
         assert human.identity == 0 and (human.whole(CAMERA) == np.where(depth_m == 2, depth_m, 0)).mean() > 0.9995
         assert np.allclose(human.centre_m, (k / 500 * 2, 0, 2), atol=0.02)
+
+
+def test_a_closer_look_decides_who_is_new_and_takes_part_in_who_is_followed(knowing):
+    """What a network saw comes with the human; one that does not judge leaves the finder alone."""
+    seen = {}
+    for person_logit in (None, -9.0, 9.0, 0.0, -1.0, -9.0):
+        knowing.looker = lambda human, logit=person_logit: look(logit)
+        seen[person_logit] = knowing.extract(scene())
+        assert all(human.look.person_logit is person_logit for human in seen[person_logit])
+    assert [len(found) for found in seen.values()] == [1, 0, 1, 1, 1]
+    assert seen[-1.0][0].certainty < seen[0.0][0].certainty < seen[9.0][0].certainty
+    fresh = PersonFinder(CAMERA, FinderConfig("known"), lambda human: look(-5.0))
+    assert fresh.extract(scene()) == []  # doubtful, where nobody was before
 
 
 @pytest.mark.parametrize("depth_m", [np.zeros((480, 640), np.float32), np.full((480, 640), np.nan, np.float32), scene(0, 0)])

@@ -8,15 +8,17 @@ import sys
 import numpy as np
 import onnx
 import pytest
+import safetensors.torch
 import torch
 from programs import ROOT
 
+from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.networks import ModelConfig
+from kpopnet.networks import PERSON, ModelConfig
 from kpopnet.networks.backend import read_description
 from kpopnet.networks.checkpoint import load_network, save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.networks.network import build_network
+from kpopnet.networks.network import PersonHead, build_network
 from kpopnet.networks.onnx_export import export_network
 from kpopnet.skeleton import JOINT_NAMES
 
@@ -51,7 +53,8 @@ def test_both_predict_the_same_joints_from_any_number_of_crops(exported):
     for count in (1, 2, 7, 32):
         noise = np.random.default_rng(count).uniform(-1, 1, (count, 2, 32, 32))
         crops = np.where(noise > 0.5, 1, noise).astype(np.float32)
-        for expected, found in zip(torch_runs(crops), onnx_runs(crops), strict=True):
+        assert torch_runs(crops)[2] is onnx_runs(crops)[2] is None
+        for expected, found in zip(torch_runs(crops)[:2], onnx_runs(crops)[:2], strict=True):
             assert found.shape == expected.shape and found.dtype == np.float32
             np.testing.assert_allclose(found, expected, atol=1e-5)
     # Worker processes get a copy.
@@ -60,6 +63,30 @@ def test_both_predict_the_same_joints_from_any_number_of_crops(exported):
     with torch.inference_mode():
         found = network(torch.from_numpy(crops)).joints.numpy()
     np.testing.assert_array_equal(found, torch_runs(crops)[0])
+
+
+def test_whether_a_crop_shows_a_person_is_judged_by_both_where_the_checkpoint_has_a_head_for_it(tmp_path):
+    save(tmp_path)
+    torch.manual_seed(1)
+    head = PersonHead(16).state_dict()
+    (tmp_path / "best" / PERSON).write_bytes(safetensors.torch.save(head))
+    assert export_network(*load_network(tmp_path / "best"), tmp_path / "pose.onnx") < 1e-5
+    depth_m = np.zeros((3, 60, 80), np.float32)
+    depth_m[1, 10:50, 30:40], depth_m[2, 10:50, 30:60] = 2, 2.5
+    camera = Camera.centred(70.0, 80, 60)
+    (_, expected), (estimate, found) = (
+        NetworkEstimator(tmp_path / one).judge(depth_m, camera) for one in ("best", "pose.onnx")
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert found[0] == -np.inf and np.isfinite(found[1:]).all() and found[1] != found[2]
+    np.testing.assert_array_equal(estimate.confidence[0], 0)
+    copy = pickle.loads(pickle.dumps(NetworkEstimator(tmp_path / "pose.onnx")))
+    np.testing.assert_array_equal(copy.judge(depth_m, camera)[1], found)
+    (tmp_path / "best" / PERSON).write_bytes(safetensors.torch.save(PersonHead(8).state_dict()))
+    with pytest.raises(InputError, match=r"person\.safetensors: missing, damaged"):
+        NetworkEstimator(tmp_path / "best")
+    (tmp_path / "best" / PERSON).unlink()
+    assert NetworkEstimator(tmp_path / "best").judge(depth_m, camera)[1] is None
 
 
 def test_the_file_describes_itself_and_not_the_machine(run):

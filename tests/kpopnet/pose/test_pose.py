@@ -1,5 +1,6 @@
 """The pose estimator finds people, follows them, and weighs the network and the fit over time."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -203,10 +204,31 @@ def test_whoever_is_beyond_the_number_of_people_is_missed_meanwhile(monkeypatch)
     first, second = (Human(number, (0, 0, 80, 60), person(column), np.zeros(3)) for number, column in enumerate((20, 50)))
     shown = iter([[second], [first, second], [second]])
     finder = SimpleNamespace(camera=CAMERA, extract=lambda depth_m, time_s: next(shown))
-    monkeypatch.setattr("kpopnet.pose.estimator.build_extractor", lambda camera, settings: finder)
+    monkeypatch.setattr("kpopnet.pose.estimator.build_extractor", lambda *_: finder)
     estimator = PoseEstimator(Blob(), people=1)
     seen = [[one.identity for one in estimator.update(person(20), CAMERA)] for _ in range(3)]
     assert seen == [[1], [0], [1]] and len(missed) == 2  # the second, then the first
+
+
+def test_what_the_network_saw_for_the_finder_is_not_computed_again(monkeypatch):
+    network, given = Blob(), []
+
+    def extract(depth_m, time_s):
+        human = Human(0, (0, 0, 80, 60), depth_m, np.zeros(3))
+        given.append(looker and looker(human))
+        return [replace(human, look=given[-1])]
+
+    def build(camera, settings, asked):
+        nonlocal looker
+        looker = asked
+        return SimpleNamespace(camera=CAMERA, extract=extract)
+
+    looker = None
+    monkeypatch.setattr("kpopnet.pose.estimator.build_extractor", build)
+    assert len(PoseEstimator(network).update(person(20), CAMERA)) == 1
+    assert len(network.asked) == 1 and given[0].person_logit is None
+    PoseEstimator(None, "tracker").update(person(20), CAMERA)
+    assert looker is None  # the tracker asks no network
 
 
 def test_only_best_sees_the_future_and_both_take_the_times_of_the_images():

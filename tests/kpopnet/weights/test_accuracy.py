@@ -14,7 +14,7 @@ from kpopnet.data.room_images import RoomImage
 from kpopnet.datasets.protocol import Benchmark, BenchmarkConfig
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
-from kpopnet.finder.finder import FinderConfig, PersonFinder, open_finder
+from kpopnet.finder.finder import LEAST_ALONE, PersonFinder, open_finder
 from kpopnet.finder.people import certainty
 from kpopnet.networks.estimator import NetworkEstimator
 from synth.rooms.images import measure_scene
@@ -62,7 +62,7 @@ def test_people_are_found_among_clutter():
         image = RoomImage(measured.depth_mm, measured.labels, clear.camera, clear.joints_camera_m, clear.whole_px)
         people = fit_finder.people_of(network, image)
         right, counts, present = fit_finder.judged(image, people)
-        sure = certainty(people) >= FinderConfig().least_certainty
+        sure = certainty(people) >= LEAST_ALONE
         found, false, wanted = found + (sure & right).sum(), false + (sure & counts & ~right).sum(), wanted + present
     assert wanted > 45 and found > 0.75 * wanted and false < 0.2 * found
 
