@@ -9,6 +9,7 @@ import pytest
 from programs import tool
 
 from kpopnet.camera import Camera
+from kpopnet.human import Human
 from kpopnet.networks import META, PERSON, WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.input_files import read_json
@@ -46,6 +47,19 @@ def test_a_head_tells_what_it_was_fitted_on_apart():
     head = fit_person.fitted(half.features, half.is_person, 8)
     judged = fit_person.evidence(head, found)[300:, 1] > 0
     assert (judged == is_person[300:]).mean() > 0.95
+
+
+def test_a_second_one_on_the_same_body_is_no_person_and_one_that_is_off_is_neither():
+    torsos_m = np.array([[0, 0, 2], [1, 0, 3]], np.float32)
+
+    def kinds(*places, torsos_m=torsos_m):
+        humans = [Human(k, (0, 0, 1, 1), np.zeros((1, 1)), np.array(place, np.float32)) for k, place in enumerate(places)]
+        return fit_person.kinds_of(humans, torsos_m)
+
+    right, second, above, beside, far = (0.1, 0, 2), (0.2, 0.1, 2), (0, 0.5, 2), (1.4, 0, 3), (3, 0, 3)
+    assert kinds(second, right, above, beside, far) == [0, 1, 0, -1, 0]
+    assert [kinds(one) for one in (right, second, above, beside, far)] == [[1], [1], [-1], [-1], [0]]
+    assert kinds() == [] and kinds(right, torsos_m=np.zeros((0, 3), np.float32)) == [0]
 
 
 @pytest.mark.parametrize("change", [{"seed": 5}, {"checkpoint": "other"}])

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import safetensors.torch
 import torch
+from scipy.optimize import linear_sum_assignment
 from torch.nn import functional
 
 from kpopnet.camera import MM_PER_METRE
@@ -32,6 +33,7 @@ from kpopnet.data.cube import crop, person_cubes
 from kpopnet.data.made_sets import claim_folder
 from kpopnet.errors import InputError
 from kpopnet.finder.finder import FOLLOWED_CERTAINTY, FinderConfig, PersonFinder
+from kpopnet.human import Human
 from kpopnet.networks import PERSON, WEIGHTS
 from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.network import PersonHead, PoseNetwork
@@ -42,11 +44,10 @@ from kpopnet.skeleton import Joint
 from kpopnet.weights import FINDER_SHA256
 from synth.resumable import make_missing
 from synth.rooms.crops import PersonCropsConfig, PersonCropsSet
-from tools.fit_finder import THRESHOLDS, logistic
+from tools.fit_finder import NEAR_M, THRESHOLDS, logistic
 
-NEAR_M, FAR_M = 0.3, 0.6
-"""Who is found this near to a torso is a person, and what is this far from all of them is none; in between are halves of people
-and two as one, which are neither."""
+FAR_M = 0.6
+"""What is this far from all torsos is no person."""
 
 EPOCHS, BATCH, LR, DECAY, WEIGHT_DECAY = 25, 256, 2e-3, 0.88, 0.05
 
@@ -81,22 +82,23 @@ class Looks:
         return self.folder / self.split / f"looks_{number:05d}.npz"
 
     def make(self, number: int, on_scene: Callable[[], None]) -> None:
-        crops, certainty, apart_m, half_size_m = [], [], [], self.network.config.half_size_m
+        crops, certainty, kinds, half_size_m = [], [], [], self.network.config.half_size_m
         for clear, measured in self.scenes.measured(number, on_scene):
             torsos_m = clear.joints_camera_m[:, Joint.TORSO].reshape(-1, 3)
             finder = PersonFinder(clear.camera, FinderConfig(least_certainty=FOLLOWED_CERTAINTY))
-            for human in finder.extract(measured.depth_mm / np.float32(MM_PER_METRE)):
+            humans = finder.extract(measured.depth_mm / np.float32(MM_PER_METRE))
+            for human, kind in zip(humans, kinds_of(humans, torsos_m), strict=True):
                 camera = human.cropped(clear.camera)
                 for cube in person_cubes(human.depth_m[None], camera, half_size_m).values():
                     crops.append(crop(human.depth_m, camera, cube, self.network.config.crop_px))
                     certainty.append(human.certainty)
-                    apart_m.append(np.linalg.norm(torsos_m - human.centre_m, axis=-1).min(initial=np.inf))
+                    kinds.append(kind)
         with torch.inference_mode():
             batch = torch.from_numpy(np.stack(crops))
             maps = self.network.encoder(batch)
             features = PersonHead.features(maps[-1], self.network.head(maps).confidence_logit)
         with atomic_path(self.path(number)) as part, part.open("wb") as file:
-            np.savez(file, features=features.numpy(), certainty=certainty, apart_m=apart_m)
+            np.savez(file, features=features.numpy(), certainty=certainty, kinds=kinds)
 
     def claim(self) -> None:
         """Raises InputError where the folder holds files of another network, finder or seed."""
@@ -105,7 +107,7 @@ class Looks:
         claim_folder(folder, "looks_*.npz", FINDER_SHA256 | {"weights": weights, "seed": self.seed, "split": self.split})
 
     def made(self, files: int) -> list[Found]:
-        """Of each file those who are a person or no part of one; makes what is missing."""
+        """Of each file those who are a person or none; makes what is missing."""
         self.claim()
         make_missing(
             self.make, range(files), lambda number: self.path(number).is_file(), self.path(0).parent, "file", "scene",
@@ -114,10 +116,33 @@ class Looks:
         found = []
         for number in range(files):
             with np.load(self.path(number)) as stored:
-                features, certainty, apart_m = (stored[name] for name in ("features", "certainty", "apart_m"))
-            counts = (apart_m < NEAR_M) | (apart_m > FAR_M)
-            found.append(Found(features[counts], certainty[counts], apart_m[counts] < NEAR_M))
+                features, certainty, kinds = (stored[name] for name in ("features", "certainty", "kinds"))
+            counts = kinds != NEITHER
+            found.append(Found(features[counts], certainty[counts], kinds[counts] == A_PERSON))
         return found
+
+
+A_PERSON, NO_PERSON, NEITHER = 1, 0, -1
+
+
+def kinds_of(humans: list[Human], torsos_m: np.ndarray) -> list[int]:
+    """What each of the finder's people is, given the (P, 3) true torsos.
+
+    A person whom nobody else is nearer to; no person where all torsos are far, or another one has the nearest: a second one on
+    the same body is none. Who is found with the centre somewhat off is neither.
+    """
+    apart_m = np.linalg.norm(np.reshape([human.centre_m for human in humans], (-1, 1, 3)) - torsos_m, axis=-1)
+    pairs = zip(*linear_sum_assignment(np.minimum(apart_m, NEAR_M)), strict=True)
+    taken = {row: person for row, person in pairs if apart_m[row, person] < NEAR_M}
+    kinds = []
+    for row, distances_m in enumerate(apart_m):
+        if row in taken:
+            kinds.append(A_PERSON)
+        elif distances_m.min(initial=np.inf) > FAR_M or distances_m.argmin() in taken.values():
+            kinds.append(NO_PERSON)
+        else:
+            kinds.append(NEITHER)
+    return kinds
 
 
 def joined(found: list[Found]) -> Found:
@@ -144,7 +169,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("checkpoint", type=Path, help="folder of a network that sees depth alone")
     parser.add_argument("--out", type=Path, required=True, help="folder of what the network says, of one network and seed")
-    parser.add_argument("--files", type=int, default=100, help="of 500 scenes, to fit on: %(default)s")
+    parser.add_argument("--files", type=int, default=80, help="of 500 scenes, to fit on: %(default)s")
     parser.add_argument("--judged", type=int, default=8, help="of 500 scenes of validation: %(default)s")
     parser.add_argument("--seed", type=int, default=0, help="of the scenes: %(default)s")
     parser.add_argument("--figures", type=Path, help="a JSON file for the figures, as those of results/")

@@ -179,7 +179,7 @@ def certainty(people: People) -> np.ndarray:
     return 1 / (1 + np.exp(-(SURE[0] + certainty_features(people) @ SURE[1:])))
 
 
-TOGETHER = (-0.48, 0.74, 0.72)
+TOGETHER = (-0.41, 0.61, 0.72)
 """Constant and weights of the logarithms of the odds that the finder and a network that looks closer give that somebody is a
 person, fitted by tools/fit_person.py on scenes of validation."""
 

@@ -21,8 +21,8 @@ FOLDER = Path(__file__).parent
 SHA256: dict[str, str] = {
     "model.safetensors": "ee381b09e16c37197023ffa8f4d97c9786d88d51df83f161bb2c935e69fda04e",
     "meta.json": "b1e8d80966729fcedfbeb9f239c0021b0be0e2226e8811b4c24060c78641a1be",
-    "person.safetensors": "5427ed882c243ff73da8783b2048ba998b37e7ba16e45b7731a0c8c2ba1c31d7",
-    "graph.onnx": "1f01711f86f1c80fcb9861c18bc6a638c9d6d40015c33545616187d0355908df",
+    "person.safetensors": "9dd275051974a9a2e3b690b2afff2c03c13a76c7a59a2e36432f9b2c45d23599",
+    "graph.onnx": "7a288f1d4139e5629b1d9959b289f2becc779adbcf9699b41641f5f3f5f2439e",
 }
 """Of each file that is loaded, as tools/ship_weights.py wrote it."""
 
