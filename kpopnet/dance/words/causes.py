@@ -28,9 +28,9 @@ STILL, MOVING, SPREAD_S, MIN_STILL_S, RESTS = 0.3, 0.4, 1.0, 1.5, 0.4
 the teacher's mean spread over the dance, most of the time; a shorter rest is not mentioned. Half of what the teacher's spread
 at the time is small and no rest: a rest is below the last share of it."""
 
-MAX_POSTURE, MAX_ELSE, ELSE_LIMBS = 85.0, 40.0, 0.5
+MAX_POSTURE, MAX_ELSE, ELSE_LIMB, ELSE_LIMBS = 85.0, 40.0, 70.0, 0.5
 """A phrase of a greater posture is the teacher's; of a smaller one than the second it may be none of the dance, if at least
-this share of the limbs is below the first: one wrong limb is named instead."""
+this share of the limbs is below the third: one wrong limb beside one that is a little off is named instead."""
 
 FITS_BETTER, NO_BETTER = 0.6, 0.85
 """Distance of two poses, beside that of the same time, at which another fit is the cause; and beside that of any time, from
@@ -159,7 +159,7 @@ def _elsewhere(
         return "another phrase", Said("danced what belongs at {time}", time=clock(at_s))
     limbs = np.array([score.windows.parts[name][inside] for name in LIMBS])
     limbs = np.nanmean(limbs[np.isfinite(limbs).any(axis=1)], axis=1)
-    several = np.mean(limbs <= MAX_POSTURE) >= ELSE_LIMBS if len(limbs) else False
+    several = np.mean(limbs <= ELSE_LIMB) >= ELSE_LIMBS if len(limbs) else False
     if posture <= MAX_ELSE and several and near > NO_BETTER * np.median(everywhere[np.isfinite(everywhere)]):
         return "something else", CAUSES["something else"]
     return None
