@@ -61,7 +61,7 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
     crops = noise.astype(np.float32)
     # Before it is traced: what the network caches must not be a part of the trace.
     with torch.inference_mode():
-        expected = [value.numpy() for value in JointsAndConfidence(network)(torch.from_numpy(crops))]
+        expected = _comparable([value.numpy() for value in JointsAndConfidence(network)(torch.from_numpy(crops))])
     content = _traced(network, torch.from_numpy(crops[:2]))
     graph = content.graph
     for part in (graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
@@ -73,8 +73,14 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
     onnx.checker.check_model(content, full_check=True)
     with atomic_path(path) as part:
         part.write_bytes(content.SerializeToString())
-    found = OnnxBackend(path)(crops)
-    return max(float(np.abs(one - other).max()) for one, other in zip(expected, found, strict=False) if other is not None)
+    found = _comparable([value for value in OnnxBackend(path)(crops) if value is not None])
+    return max(float(np.abs(one - other).max()) for one, other in zip(expected, found, strict=True))
+
+
+def _comparable(outputs: list[np.ndarray]) -> list[np.ndarray]:
+    """Joints in cube units, and probabilities."""
+    joints, confidence, *person_logits = outputs
+    return [joints, confidence, *(1 / (1 + np.exp(-logit)) for logit in person_logits)]
 
 
 def _traced(network: PoseNetwork, crops: Tensor) -> Any:
