@@ -56,6 +56,7 @@ def ship(checkpoint: Path, folder: Path) -> None:
     described = (json.dumps(meta, indent=1) + "\n").encode()
     person, network.person = network.person, None
     files = {WEIGHTS: _halved(network, checkpoint), META: described}
+    (folder / PERSON).unlink(missing_ok=True)  # of the network of before: it would be loaded with this one
     if person is not None:
         files[PERSON] = _halved(person, checkpoint)
     with tempfile.TemporaryDirectory() as place:

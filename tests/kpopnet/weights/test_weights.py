@@ -15,10 +15,10 @@ import kpopnet.weights
 from kpopnet.errors import InputError
 from kpopnet.finder.finder import open_finder
 from kpopnet.finder.network import FinderNetwork
-from kpopnet.networks import ModelConfig
+from kpopnet.networks import PERSON, ModelConfig
 from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.networks.network import build_network
+from kpopnet.networks.network import PersonHead, build_network
 
 ship_weights = tool("ship_weights")
 
@@ -73,6 +73,18 @@ def test_without_a_checkpoint_the_estimator_takes_it(tmp_path, shipped):
     by_torch = NetworkEstimator(shipped).estimate(depth_m, CAMERA)  # the same filters, and statistics that are no filters yet
     np.testing.assert_allclose(estimate.joints_camera_m, by_torch.joints_camera_m, atol=1e-5)
     np.testing.assert_allclose(estimate.confidence, by_torch.confidence, atol=1e-5)
+
+
+def test_a_network_without_a_head_that_judges_is_not_given_that_of_the_one_before(tmp_path, shipped):
+    torch.manual_seed(1)
+    run = save(tmp_path / "judging")
+    (run / PERSON).write_bytes(save_weights(PersonHead(MODEL.widths[-1]).state_dict()))
+    depth_m = draw_depth(draw_joints(np.random.default_rng(0)))[None]
+    for checkpoint, judges in ((run, True), (tmp_path / "run" / "best", False)):
+        ship_weights.ship(checkpoint, shipped)
+        assert (NetworkEstimator(shipped).judge(depth_m, CAMERA)[1] is not None) is judges
+        listed = runpy.run_path(str(shipped / "__init__.py"))["SHA256"]
+        assert (PERSON in listed) is judges and (shipped / PERSON).is_file() is judges
 
 
 def test_weights_are_half_the_size_and_computed_with_in_float32(tmp_path, shipped):
