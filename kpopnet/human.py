@@ -32,7 +32,7 @@ class Human:
     # (3,) float32 the human's middle, camera frame, metres: of the visible surface by Algorithm 1, the torso joint as the
     # finder estimates it
     centre_m: np.ndarray
-    certainty: float = 1.0  # the probability that it is a human
+    certainty: float = 1.0  # the probability that it is a human; 1 by Algorithm 1, which does not judge
     look: Look | None = None  # where a network has looked at it already
 
     @classmethod

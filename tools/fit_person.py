@@ -3,8 +3,8 @@
     python tools/fit_person.py outputs/train/RUN/best --out data/person
 
 Run from the root of a checkout with `PYTHONPATH=.`. Draws scenes as `python -m synth benchmark=person_crops` does, and stores
-in --out what the checkpoint's network says of everybody whom the finder finds in them, people and things; a run that was
-stopped goes on. Scenes of the split train fit the head, half of those of validation how sure the finder and it are together
+in --out what the checkpoint's network says of everything that the finder takes for a person in them; a run that was stopped
+goes on. Scenes of the split train fit the head, half of those of validation how sure the finder and it are together
 (TOGETHER in kpopnet/finder/people.py), the other half judges. Writes person.safetensors into the checkpoint's folder, where
 `kpopnet export` and tools/ship_weights.py take it from; prints TOGETHER, and recall and precision by threshold on the scenes
 that judge.
@@ -48,6 +48,8 @@ from tools.fit_finder import NEAR_M, THRESHOLDS, logistic
 
 FAR_M = 0.6
 """What is this far from all torsos is no person."""
+
+A_PERSON, NO_PERSON, NEITHER = 1, 0, -1
 
 EPOCHS, BATCH, LR, DECAY, WEIGHT_DECAY = 25, 256, 2e-3, 0.88, 0.05
 
@@ -120,9 +122,6 @@ class Looks:
             counts = kinds != NEITHER
             found.append(Found(features[counts], certainty[counts], kinds[counts] == A_PERSON))
         return found
-
-
-A_PERSON, NO_PERSON, NEITHER = 1, 0, -1
 
 
 def kinds_of(humans: list[Human], torsos_m: np.ndarray) -> list[int]:

@@ -27,12 +27,12 @@ LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.4, 0.03, 8
 """Of the cells of a person; the least surface that shows of a person, and the least number of their cells."""
 
 LEAST_ALONE, LEAST_TOGETHER = 0.6, 0.8
-"""Somebody new is reported who is a person with at least this probability by the finder alone, and together with a network that
-looked closer."""
+"""A new person is reported from this probability on: of the finder alone, and of the finder together with a network that judges
+the crop."""
 
 FOLLOWED_CERTAINTY = 0.2
-"""A person who is being followed is reported with at least this certainty, where they are expected: what is found with little
-certainty counts for tracks and not for new ones, as in ByteTrack (Zhang et al. 2022)."""
+"""A person who is being followed is reported from this certainty on, of the finder and of both, where they are expected: what
+is found with little certainty counts for tracks and not for new ones, as in ByteTrack (Zhang et al. 2022)."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class FinderConfig:
 
     Attributes:
         weights: a file of `train.py --config-name finder`; None: the finder that comes with the package.
-        least_certainty: somebody new is reported who is a person with at least this probability; None: 0.6 by the finder alone,
-            0.8 where the network of joints looks at them too.
+        least_certainty: a new person is reported from this probability on; None: from 0.6 of the finder alone, and from 0.8
+            where the network of joints judges too.
     """
 
     weights: str | None = None
@@ -57,7 +57,7 @@ class PersonFinder:
     """Finds the people in the images of one camera, which may move, and follows them from image to image."""
 
     def __init__(self, camera: Camera, config: FinderConfig = FinderConfig(), looker: Looker | None = None) -> None:
-        """With a `looker`, it is asked about everybody, and they are as certain as both say.
+        """With a `looker`, it judges every candidate, and their certainty is that of both (`certainty_together`).
 
         Raises InputError if the weights are missing, damaged or of another version.
         """
@@ -75,12 +75,12 @@ class PersonFinder:
         people = gather_people(cells, LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS)
         probability, given = certainty(people), self.config.least_certainty
         least = FOLLOWED_CERTAINTY if given is None else min(FOLLOWED_CERTAINTY, given)
-        sure = probability >= least
-        numbers = np.append(0, np.where(sure, np.cumsum(sure), 0)).astype(np.uint8)
+        candidate = probability >= least
+        numbers = np.append(0, np.where(candidate, np.cumsum(candidate), 0)).astype(np.uint8)
         owners, boxes = pixel_owners(
-            depth_m, cells.depth_m, cells.probability, numbers[people.owner], canvas.reduction, int(sure.sum())
+            depth_m, cells.depth_m, cells.probability, numbers[people.owner], canvas.reduction, int(candidate.sum())
         )
-        found = enumerate(zip(boxes, people.centres_m[sure], probability[sure], strict=True), 1)
+        found = enumerate(zip(boxes, people.centres_m[candidate], probability[candidate], strict=True), 1)
         looked_at = (
             self._looked_at(Human.cut_out(UNKNOWN, depth_m, owners, number, box, centre_m), float(one))
             for number, (box, centre_m, one) in found

@@ -180,12 +180,12 @@ def certainty(people: People) -> np.ndarray:
 
 
 TOGETHER = (-0.41, 0.61, 0.72)
-"""Constant and weights of the logarithms of the odds that the finder and a network that looks closer give that somebody is a
-person, fitted by tools/fit_person.py on scenes of validation."""
+"""Constant and weights of a logistic regression on the log odds of a person by the finder and by the network that ships, fitted
+by tools/fit_person.py on scenes of validation."""
 
 
 def certainty_together(certainty: float, person_logit: float) -> float:
-    """The probability that it is a person, of the finder's, strictly between 0 and 1, and the logit of a closer look."""
+    """The probability of a person, from the finder's, strictly between 0 and 1, and the network's logit."""
     logit = TOGETHER[0] + TOGETHER[1] * math.log(certainty / (1 - certainty)) + TOGETHER[2] * person_logit
     return 1 / (1 + math.exp(-max(logit, -500.0)))
 

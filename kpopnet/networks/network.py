@@ -210,7 +210,8 @@ class DenseHead(nn.Module):
 
 
 class PersonHead(nn.Module):
-    """Judges whether a crop shows a person at all: a second look at what the finder took for one, with more pixels.
+    """Judges whether a crop shows a person at all: the second stage of a two-stage detector (Ren et al. 2015), whose first is
+    the finder.
 
     Two layers on what a network that knows people sees in the crop, the mean and the maximum of its coarsest map and its
     joints' confidences. It is trained apart, by tools/fit_person.py, and shapes nothing else.

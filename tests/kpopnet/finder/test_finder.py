@@ -61,13 +61,14 @@ def test_a_person_is_cut_out_of_the_first_image_and_followed(knowing):
 
 def test_a_closer_look_decides_who_is_new_and_takes_part_in_who_is_followed(knowing):
     """What a network saw comes with the human; one that does not judge leaves the finder alone."""
-    seen = {}
-    for person_logit in (None, -9.0, 9.0, 0.0, -1.0, -9.0):
+    logits, seen = (None, -9.0, 9.0, 0.0, -1.0, -9.0), []
+    for person_logit in logits:
         knowing.looker = lambda human, logit=person_logit: look(logit)
-        seen[person_logit] = knowing.extract(scene())
-        assert all(human.look.person_logit is person_logit for human in seen[person_logit])
-    assert [len(found) for found in seen.values()] == [1, 0, 1, 1, 1]
-    assert seen[-1.0][0].certainty < seen[0.0][0].certainty < seen[9.0][0].certainty
+        seen.append(knowing.extract(scene()))
+        assert all(human.look.person_logit is person_logit for human in seen[-1])
+    assert [len(found) for found in seen] == [1, 0, 1, 1, 1, 0]
+    nine, zero, doubtful = (found[0].certainty for found in seen[2:5])
+    assert doubtful < zero < nine
     fresh = PersonFinder(CAMERA, FinderConfig("known"), lambda human: look(-5.0))
     assert fresh.extract(scene()) == []  # doubtful, where nobody was before
 
