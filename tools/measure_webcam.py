@@ -80,10 +80,10 @@ class Filmed(NamedTuple):
 
 
 class _Page(http.server.SimpleHTTPRequestHandler):
-    """The files of the package's page."""
+    """The files of the package's page and of its languages, at the addresses that the teacher's server gives them."""
 
     def translate_path(self, path: str) -> str:
-        return super().translate_path(path.removeprefix("/page"))
+        return super().translate_path(path if path.startswith("/languages/") else f"/teacher{path}")
 
     def log_message(self, *_: object) -> None:
         pass
@@ -92,7 +92,7 @@ class _Page(http.server.SimpleHTTPRequestHandler):
 @contextmanager
 def webcam_page() -> Iterator:
     """A browser that shows a page from which `FIND` can be run."""
-    handler = functools.partial(_Page, directory=str(ROOT / "kpopnet" / "teacher" / "page"))
+    handler = functools.partial(_Page, directory=str(ROOT / "kpopnet"))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server, chromium() as browser:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         browser.set_script_timeout(300)
