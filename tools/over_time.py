@@ -11,17 +11,31 @@ of it and of its mirror image. Each is printed beside the mean of both, with pai
 
 import argparse
 import logging
+import time
 from pathlib import Path
 
 import numpy as np
 import safetensors.numpy
+import torch
+from torch import Tensor, nn
 
 from kpopnet.errors import InputError
-from kpopnet.networks.over_time import CHILDREN, PARENTS, Measured, OverTime, read
+from kpopnet.networks.over_time import BASES, CHILDREN, FEATURES, PARENTS, Measured, OverTime, read
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
-from kpopnet.skeleton import NUM_JOINTS, Joint
-from kpopnet.training.over_time import OverTimeTraining, train_over_time
+from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+
+log = logging.getLogger(__name__)
+
+EPOCHS, PASSES, SEED = 40, 3, 0
+"""How often all films are varied anew, and how often the pieces of an epoch are learned from."""
+
+PIECE, BATCH_SIZE = 16, 32  # frames of a piece, and pieces a step
+HIDDEN, LR = 48, 5e-3
+"""Width of both hidden layers, and the peak learning rate, whose cycle spans the epochs."""
+
+AVERAGE_RATE = 0.02
+"""Of the exponential average of the weights over the steps, which is the result."""
 
 ENDS = [Joint.RIGHT_HAND, Joint.LEFT_HAND, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
 HANDS, CORE = ENDS[:2], [joint for joint in range(NUM_JOINTS) if joint not in ENDS]
@@ -29,7 +43,7 @@ FPS, REST_FRAMES, REST_M, FAST_M_S, RESAMPLES = 30.0, 10, 0.006, (1.5, 2.5), 100
 
 
 def films_in(folder: Path, mirrored: bool) -> list[dict[str, np.ndarray]]:
-    """The films of a folder as `kpopnet.training.over_time.varied` takes them, of plain images or with their mirror images."""
+    """The films of a folder as `varied` takes them, of plain images or with their mirror images."""
     films, prefix = [], "mirror_" if mirrored else ""
     for path in sorted(folder.glob("film_*.npz")):
         with np.load(path) as file:
@@ -38,6 +52,108 @@ def films_in(folder: Path, mirrored: bool) -> list[dict[str, np.ndarray]]:
     if not films:
         raise InputError(f"{folder}: no film_*.npz; tools/over_time_films.py makes them")
     return films
+
+
+# --- training --------------------------------------------------------------------------------------------------------------
+
+
+def network_of(future: bool) -> nn.Sequential:
+    """The network, which at first answers the mean of detection and fit."""
+    ways = 2 if future else 1
+    last = nn.Linear(HIDDEN, ways * BASES + 1)
+    nn.init.zeros_(last.weight)
+    nn.init.zeros_(last.bias)
+    return nn.Sequential(nn.Linear(ways * FEATURES, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU(), last)
+
+
+def varied(rng: np.random.Generator, film: dict[str, np.ndarray], frames: int) -> tuple[Measured, np.ndarray, np.ndarray]:
+    """A film at another rate, with drop-outs, mirrored or not, turned a little, of another size: `frames` frames of what was
+    measured, the true joints in metres and the times in seconds; a shorter film starts again.
+
+    The film has the arrays of `Measured`, `true_m` (T, 15, 3) in metres and `times_s` (T,).
+    """
+    length, stride = len(film["true_m"]), int(rng.choice([1, 1, 1, 2]))
+    keep = rng.random(length) >= rng.choice([0, 0, 0.03, 0.15])
+    for _ in range(int(rng.integers(0, 3))):
+        at = int(rng.integers(length))
+        keep[at : at + int(rng.integers(2, 20))] = False
+    rows = np.flatnonzero(keep)[::stride]
+    rows = rows[np.arange(frames) % len(rows)]
+    times_s = film["times_s"][rows] * rng.choice([1.0, rng.uniform(0.5, 1.3)])
+    restarts = np.diff(times_s, prepend=-1) < 0
+    times_s = times_s + 100.0 * np.cumsum(restarts)  # a new start: beyond FORGET_S
+    order, sign = (MIRROR, np.array([-1, 1, 1])) if rng.random() < 0.5 else (np.arange(NUM_JOINTS), np.ones(3))
+    angle, size = rng.uniform(-0.35, 0.35), rng.uniform(0.85, 1.1)
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn = np.array([[cos, 0, -sin], [0, 1, 0], [sin, 0, cos]]) * sign[:, None]
+    centre = film["true_m"][rows[0]].mean(axis=0)
+
+    def points(name: str) -> np.ndarray:
+        return (film[name][rows][:, order] - centre) * size @ turn + centre * np.array([sign[0], 1, 1])
+
+    chances = (film[name][rows][:, order] for name in ("detected", "fitted"))
+    return Measured(points("detected_m"), points("fitted_m"), *chances), points("true_m"), times_s
+
+
+def batches(rng: np.random.Generator, films: list[dict], future: bool) -> list[Tensor]:
+    """(N, PIECE, ...) tensors of varied films: the results of `read`, true joints in metres, seconds since the frame before."""
+    frames = max(len(film["true_m"]) for film in films) // PIECE * PIECE
+    drawn = [varied(rng, film, frames) for film in films]
+    measured = Measured(*(np.stack(part, axis=1) for part in zip(*(one[0] for one in drawn), strict=True)))
+    true_m, times_s = (np.stack([one[k] for one in drawn], axis=1) for k in (1, 2))
+    arrays = (*read(measured, times_s, future), true_m, np.diff(times_s, axis=0, prepend=times_s[:1] - 9))
+    tensors = (torch.from_numpy(np.ascontiguousarray(one.swapaxes(0, 1), np.float32)) for one in arrays)
+    return [one.unflatten(1, (-1, PIECE)).flatten(0, 1) for one in tensors]
+
+
+def answer(network: nn.Module, points_m: Tensor, differences_m: Tensor, seen: Tensor) -> tuple[Tensor, Tensor]:
+    """(..., 15, 3) joints in metres and (..., 15) logits of the confidence, as `kpopnet.networks.over_time.OverTime`."""
+    out = network(seen)
+    moved_m = points_m + (out[..., :-1].mT[..., None] * differences_m).sum(-3)
+    return moved_m[..., :-1, :] + moved_m[..., -1:, :], out[..., :-1, -1]
+
+
+def loss_of(joints_m: Tensor, logits: Tensor, true_m: Tensor, steps_s: Tensor) -> Tensor:
+    """Of (N, T, 15, 3) joints: centimetres, directions of bones, centimetres from frame to frame, and the confidence."""
+    error_m = (joints_m - true_m).norm(dim=-1)
+    joint = nn.functional.smooth_l1_loss(100 * error_m, torch.zeros_like(error_m), beta=3.0)
+    bones, true_bones = (
+        nn.functional.normalize(one[..., CHILDREN, :] - one[..., PARENTS, :], dim=-1) for one in (joints_m, true_m)
+    )
+    near = (steps_s[:, 1:] < 0.12).float()[..., None]
+    moved_m, true_moved_m = (one[:, 1:] - one[:, :-1] for one in (joints_m, true_m))
+    speed = (100 * (moved_m - true_moved_m).norm(dim=-1) * near).mean()
+    sure = nn.functional.binary_cross_entropy_with_logits(logits, (error_m < 0.1).float())
+    return joint + 3 * (bones - true_bones).norm(dim=-1).mean() + speed + 0.3 * sure
+
+
+def trained(films: list[dict[str, np.ndarray]], future: bool, epochs: int) -> dict[str, np.ndarray]:
+    """The arrays of `kpopnet.networks.over_time.OverTime`; films as in `varied`, all of which each epoch varies anew."""
+    torch.manual_seed(SEED)
+    network, began = network_of(future), time.monotonic()
+    average = {name: value.clone() for name, value in network.state_dict().items()}
+    optimiser = torch.optim.AdamW(network.parameters(), lr=LR, weight_decay=0.01)
+    for epoch in range(epochs):
+        rng = np.random.default_rng([SEED, epoch])
+        tensors = batches(rng, films, future)
+        order = torch.from_numpy(np.concatenate([rng.permutation(len(tensors[0])) for _ in range(PASSES)]))
+        optimiser.param_groups[0]["lr"] = LR * 0.5 * (1 + np.cos(np.pi * epoch / epochs))
+        losses = []
+        for chosen in order.split(BATCH_SIZE):
+            points_m, differences_m, seen, true_m, steps_s = (one[chosen] for one in tensors)
+            loss = loss_of(*answer(network, points_m, differences_m, seen), true_m, steps_s)
+            optimiser.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+            optimiser.step()
+            losses.append(loss.item())
+            for name, value in network.state_dict().items():
+                average[name].lerp_(value, AVERAGE_RATE)
+        log.info("epoch %d: loss %.4f, %d pieces, %.0f s", epoch, np.mean(losses), len(tensors[0]), time.monotonic() - began)
+    return {name: value.numpy() for name, value in average.items()}
+
+
+# --- figures ---------------------------------------------------------------------------------------------------------------
 
 
 def figures(joints_m: np.ndarray, film: dict[str, np.ndarray]) -> dict[str, tuple[float, float]]:
@@ -122,14 +238,13 @@ def main() -> None:
     parser.add_argument("--fresh", type=Path, required=True, help="folder of films of other people, to measure on")
     parser.add_argument("--out", type=Path, required=True, help="file of the weights; one that exists is measured only")
     parser.add_argument("--future", action="store_true", help="the form that also reads the frames that follow")
-    parser.add_argument("--epochs", type=int, default=OverTimeTraining.epochs, help="%(default)s")
+    parser.add_argument("--epochs", type=int, default=EPOCHS, help="%(default)s")
     given = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     fresh = {mirrored: films_in(given.fresh, mirrored) for mirrored in (False, True)}
     given.out.parent.mkdir(parents=True, exist_ok=True)
     if not given.out.exists():
-        config = OverTimeTraining(epochs=given.epochs, future=given.future)
-        arrays = train_over_time(config, films_in(given.films, given.future))
+        arrays = trained(films_in(given.films, given.future), given.future, given.epochs)
         with atomic_path(given.out) as part:
             part.write_bytes(safetensors.numpy.save(arrays))
     network = OverTime.load(given.out)

@@ -1,13 +1,10 @@
-"""The network over time: the past alone where it must be, any rate and any gap, and a training that learns to smooth."""
-
-from dataclasses import replace
+"""The network over time: the past alone where it must be, any rate and any gap."""
 
 import numpy as np
 import pytest
 
 from kpopnet.networks.over_time import ANOTHER_AFTER_S, BASES, FEATURES, KINDS, Averages, Live, Measured, OverTime, read
 from kpopnet.skeleton import MIRROR
-from kpopnet.training.over_time import OverTimeTraining, train_over_time
 
 POSE_M = np.random.default_rng(1).uniform(-0.5, 0.5, (15, 3)) + np.array([0, 0, 3])
 
@@ -96,19 +93,6 @@ def test_turned_and_mirrored_people_get_turned_and_mirrored_joints():
     found_m, _ = network(*read(turned, times_s, future=False))
     np.testing.assert_allclose(found_m, plain_m[:, MIRROR] @ turn, atol=1e-4)
     assert (KINDS.sum(axis=1) == 1).all()
-
-
-def test_a_training_repeats_and_learns_to_smooth():
-    config = OverTimeTraining(epochs=12, hidden=16, future=True)
-    films = [film(seed) for seed in range(6)]
-    first, second = (train_over_time(replace(config, epochs=1), films) for _ in range(2))
-    assert all(np.array_equal(first[name], second[name]) for name in first)
-    network, unseen = OverTime(train_over_time(config, films)), film(99)
-    joints_m, confidence = network(*read(measured_in(unseen), unseen["times_s"], future=True))
-    mean_m = (unseen["detected_m"] + unseen["fitted_m"]) / 2
-    error_m, before_m = (np.linalg.norm(one - unseen["true_m"], axis=-1)[5:].mean() for one in (joints_m, mean_m))
-    assert error_m < 0.85 * before_m
-    assert ((confidence > 0) & (confidence < 1)).all()
 
 
 def test_after_a_long_absence_the_lengths_are_those_of_another_person():
