@@ -108,9 +108,6 @@ def test_the_number_of_processes_is_the_cores_but_one_for_a_gpu():
     assert EvaluateConfig(None, networks["cuda"]).processes_at_work() == 1
     assert EvaluateConfig(None, networks["cpu"]).processes_at_work() == available_cores()
     assert EvaluateConfig(None, networks["cuda"], processes=3).processes_at_work() == 3
-    for setting in ("processes", "seed"):
-        with pytest.raises(InputError, match=f"{setting}=-1"):
-            EvaluateConfig(None, {}, **{setting: -1})
 
 
 def test_a_missing_or_foreign_checkpoint_is_named(tmp_path):

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kpopnet import ridge
-from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_data, ridge_probability, ridge_stages
 
 CONFIG = RidgeConfig()
@@ -148,8 +147,3 @@ def test_nan_counts_as_not_measured_and_views_are_accepted():
     assert np.array_equal(ridge_probability(holed, CONFIG), ridge_probability(depth, CONFIG))
     wide = np.repeat(depth, 2, axis=1)[:, ::2].astype(np.float64)
     assert np.array_equal(ridge_probability(wide, CONFIG), ridge_probability(depth, CONFIG))
-
-
-def test_invalid_parameters_are_refused_with_their_setting():
-    with pytest.raises(InputError, match=r"ridge\.epsilon_r"):
-        RidgeConfig(epsilon_r=-0.1)

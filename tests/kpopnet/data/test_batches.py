@@ -157,8 +157,3 @@ def test_an_empty_silhouette_is_replaced_by_the_next_observation_and_counted():
     assert not np.array_equal(batch.target[0], batch.target[3])
     with pytest.raises(InputError, match="empty silhouettes in a row"):
         CropBatches(CapsulePeople(3, empty=(0, 1, 2)), MODEL, EvenOrder(3, 3, 3), 0, None)[0]
-
-
-def test_invalid_augmentation_is_refused_with_its_setting():
-    with pytest.raises(InputError, match=r"^training\.augment\.rotation_deg=-3"):
-        AugmentConfig(rotation_deg=-3.0)

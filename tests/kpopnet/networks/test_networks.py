@@ -3,7 +3,6 @@
 import pytest
 import torch
 
-from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.network import build_network
 
@@ -88,17 +87,3 @@ def test_the_dense_head_localises_a_peak():
     prediction = head(maps)
     torch.testing.assert_close(prediction.joints[0, 4], torch.tensor([13 / 8 - 1, 5 / 8 - 1, 0.7]))
     torch.testing.assert_close(prediction.joints[0, 3, :2], torch.zeros(2), atol=1e-6, rtol=0)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "named"),
-    [
-        ({"kind": "denser"}, "model.kind=denser: expected one of holistic, dense"),
-        ({"crop_px": 100}, "model.crop_px=100: expected a multiple of 16"),
-        ({"half_size_m": 115.0}, "model.half_size_m=115.0: expected metres"),
-        ({"widths": [4, 8, 8, 16]}, "four multiples of 8"),
-    ],
-)
-def test_invalid_settings_are_refused_by_name(wrong, named):
-    with pytest.raises(InputError, match=named.replace(".", r"\.")):
-        ModelConfig(**wrong)

@@ -7,7 +7,7 @@ from extraction_scenes import CAMERA, compose, iou, noisy, room, shifted, standi
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.human import Human
-from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
+from kpopnet.paper_extraction import PaperExtractor
 
 EMPTY_ROOM = room((4, 40, 34, 100, 3.4), (110, 50, 140, 98, 3.5))
 WALK = list(range(-30, 12, 2))
@@ -91,8 +91,6 @@ def test_an_empty_image_shows_no_person_and_leaves_the_next_its_identities():
     assert iou(mask(found[-1][0]), people[-1] > 0) > 0.95
 
 
-def test_images_of_another_size_and_invalid_thresholds_are_refused():
+def test_images_of_another_size_are_refused():
     with pytest.raises(InputError, match="161x120"):
         PaperExtractor(CAMERA).extract(np.zeros((120, 161), np.float32))
-    with pytest.raises(InputError, match=r"extraction\.delta_f_m"):
-        PaperExtractionConfig(delta_f_m=float("nan"))

@@ -67,9 +67,7 @@ def test_a_saved_model_is_read(film, tmp_path) -> None:
         TrackerEstimator(TrackerEstimatorConfig(model=str(tmp_path / "missing.json")))
 
 
-def test_images_of_another_shape_or_size_and_other_starts_are_refused() -> None:
+def test_images_of_another_shape_or_size_are_refused() -> None:
     for depth in (EMPTY, np.zeros((1, 24, 32), np.float32)):
         with pytest.raises(InputError, match="depth sequence"):
             TrackerEstimator().estimate(depth, CAMERA)
-    with pytest.raises(InputError, match=r"start=sitting: expected one of auto, y_pose, standing, label"):
-        TrackerEstimatorConfig(start="sitting")

@@ -1,5 +1,3 @@
-import math
-
 import numpy as np
 import pytest
 from bvh_files import write_bvh
@@ -139,19 +137,6 @@ def test_clips_of_other_contents_are_refused(pack, changed, message):
     np.savez(path, **(arrays | changed))
     with pytest.raises(InputError, match=message):
         clips(pack).motion(0)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"fps": math.nan}, "motion.fps=nan"),
-        ({"source": "choreography", "fps": 60.0}, "motion.fps=60.0: the rate of BVH files"),
-        ({"weights": {"clips": 0.5, "poses": 0.5}}, "set motion.path"),
-    ],
-)
-def test_invalid_settings_are_rejected_by_name(changes, message):
-    with pytest.raises(InputError, match=message):
-        MotionConfig(**changes)
 
 
 def test_splits_of_the_choreography_share_no_dance():

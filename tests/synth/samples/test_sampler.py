@@ -5,12 +5,11 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.motion import MotionConfig, Poses
 from synth.motion.skeleton import INDEX
 from synth.samples.placing import NEAREST_M, StageConfig
-from synth.samples.sampler import CameraConfig, RenderedSample, SampleConfig, Sampler, heading_rad
+from synth.samples.sampler import RenderedSample, SampleConfig, Sampler, heading_rad
 from synth.scene.mesh import about_z
 from synth.scene.props import NO_PROPS, PropsConfig
 
@@ -137,15 +136,3 @@ def test_self_penetration_is_rejected_and_the_number_of_tries_is_limited() -> No
     (rendered,) = sampler.samples(0, 1)
     assert rendered.forced and rendered.rejected == 3
     assert sampler.scene.penetration_m() > 0.02
-
-
-@pytest.mark.parametrize(
-    ("wrong", "message"),
-    [
-        (lambda: CameraConfig("gopro").build(), "camera.name=gopro"),
-        (lambda: StageConfig(distance_m=(3, 2)), "stage.distance_m"),
-    ],
-)
-def test_invalid_settings_are_rejected_by_name(wrong, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        wrong()

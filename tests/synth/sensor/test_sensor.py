@@ -8,7 +8,6 @@ from omegaconf import OmegaConf
 from omegaconf.errors import ConfigAttributeError
 
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.errors import InputError
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled
 
 
@@ -168,19 +167,6 @@ def test_depth_out_of_range_and_empty_pixels_are_not_measured():
     measured = measure(depth, CAMERA, config, seeded())
     assert not measured[:3].any() and measured[3:].all()
     assert not measure(np.zeros((1, 1), np.float32), Camera.centred(300, 1, 1), SENSORS["kinect_v1"], seeded()).any()
-
-
-@pytest.mark.parametrize(
-    ("terms", "message"),
-    [
-        ({"name": "kinect"}, "sensor.name=kinect: expected one of ideal, kinect_v1"),
-        ({"name": "ideal", "lateral_px": 1.0}, "sensor.lateral_px needs a sensor.native_focal_px"),
-        ({"name": "ideal", "lateral_grazing_px": 1.0}, "sensor.lateral_grazing_px needs a sensor.native_focal_px"),
-    ],
-)
-def test_invalid_terms_are_rejected_with_the_override(terms, message):
-    with pytest.raises(InputError, match=message):
-        SensorConfig(**terms)
 
 
 @pytest.mark.parametrize("name", ["kinect_v1", "swissranger"])

@@ -138,12 +138,6 @@ def test_a_folder_with_other_files_is_refused(folder, tmp_path):
     assert (tmp_path / "recording.h5").read_bytes() == b"other data"
 
 
-@pytest.mark.parametrize("wrong", [{"sequences": 25}, {"seed": -1}])
-def test_invalid_settings_are_refused(wrong):
-    with pytest.raises(InputError, match=f"benchmark.{next(iter(wrong))}="):
-        EvalSimConfig(**wrong)
-
-
 def test_a_benchmark_that_is_not_simulated_is_refused_in_one_line(tmp_path):
     done = run_program("-m", ROOT, "synth", f"out={tmp_path / 'set'}", "benchmark=utd_mhad")
     assert done.returncode == 1 and done.stderr.count("\n") == 1
