@@ -6,8 +6,8 @@ import shlex
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 import pytest
+from checkpoints import save_untrained
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from programs import ROOT, run_program
@@ -19,10 +19,7 @@ from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.poses.sweep import sweep_of
 from kpopnet.evaluation.registry import MeanPoseConfig, NetworkEstimatorConfig, build_estimators
-from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.networks.network import build_network
 from kpopnet.pose.extraction import extraction_name
 from kpopnet.runtime.cpu import available_cores
 
@@ -35,10 +32,7 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("evaluate")
     write_shard(folder / "set", [1, 1, 2, 2, 3], empty=(1,))
     write_shard(folder / "clean", [1], kind="clean")
-    model = ModelConfig(kind="dense", crop_px=32, widths=[8, 8, 8, 8])
-    pose = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
-    meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": pose.tolist()}
-    save_checkpoint(folder / "run", build_network(model), {}, meta, best=True)
+    save_untrained(folder / "run")
     return folder
 
 

@@ -4,11 +4,9 @@ import re
 
 import numpy as np
 import pytest
+from checkpoints import save_untrained
 from programs import run_program
 
-from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import save_checkpoint
-from kpopnet.networks.network import build_network
 from kpopnet.networks.over_time import Measured
 
 
@@ -66,8 +64,7 @@ def test_films_of_other_settings_or_of_unknown_origin_are_not_taken_for_finished
 
 
 def test_films_of_another_network_are_not_taken_for_finished(tmp_path):
-    meta = {"step": 0, "config": {}, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
-    save_checkpoint(tmp_path / "run", build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8])), {}, meta, best=True)
+    save_untrained(tmp_path / "run")
     words = ("tools/over_time_films.py", tmp_path, "films", "--films", 0)
     assert run_program(*words).returncode == 0
     (tmp_path / "films/film_00000.npz").touch()

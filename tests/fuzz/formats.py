@@ -239,14 +239,13 @@ def read_names(folder: Path) -> list[np.ndarray]:
 
 
 def make_checkpoint(folder: Path) -> None:
-    from kpopnet.networks import ModelConfig
-    from kpopnet.networks.checkpoint import save_checkpoint
+    from checkpoints import SMALL, save_untrained
+
     from kpopnet.networks.network import build_network
 
-    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
-    meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": [[0.0] * 3] * 15}
+    network = build_network(SMALL)
     state = {"step": 1, "weights": network.state_dict(), "best_cm": 3.0}
-    saved = save_checkpoint(folder / "run", network, state, meta, best=True)
+    saved = save_untrained(folder / "run", network=network, state=state)
     for file in saved.iterdir():
         file.rename(folder / file.name)
     shutil.rmtree(folder / "run")

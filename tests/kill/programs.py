@@ -61,7 +61,7 @@ def train(folder: Path) -> Program:
     A resumed run must go on from the last checkpoint that the log tells of, or a later one.
     """
     import factories
-    from checkpoint_contents import contents
+    from checkpoints import contents
 
     from kpopnet.networks.checkpoint import resumable
 
@@ -99,15 +99,10 @@ def train(folder: Path) -> Program:
 def evaluate(folder: Path) -> Program:
     """The evaluation of an untrained network and the mean pose with 2 processes."""
     import shard_sets
-
-    from kpopnet.networks import ModelConfig
-    from kpopnet.networks.checkpoint import save_checkpoint
-    from kpopnet.networks.network import build_network
+    from checkpoints import save_untrained
 
     shard_sets.write_shard(folder / "set", [1, 1, 2, 2, 3, 3, 4, 4], empty=(1,))
-    pose = np.stack([np.zeros(15), np.linspace(-0.6, 0.6, 15), np.full(15, 0.1)], axis=-1)
-    meta = {"step": 1, "config": {}, "metrics": {}, "mean_pose_m": pose.tolist()}
-    save_checkpoint(folder / "run", build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8])), {}, meta, best=True)
+    save_untrained(folder / "run")
     settings = [f"checkpoint={folder / 'run' / 'last'}", f"benchmark.path={folder / 'set'}", "processes=2"]
 
     def result(run: Path) -> dict[str, Any]:

@@ -5,30 +5,26 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from capsule_people import CAMERA, CapsulePeople
+from checkpoints import save_untrained
 from factories import draw_room
 
 from kpopnet.camera import CAMERAS
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.networks.network import build_network
 from kpopnet.ridge import RidgeConfig
 
 
 @pytest.fixture(scope="module")
 def estimator(tmp_path_factory) -> NetworkEstimator:
-    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
-    meta = {"step": 1, "config": {}, "metrics": {}}
-    return NetworkEstimator(save_checkpoint(tmp_path_factory.mktemp("run"), network, {}, meta, best=True))
+    return NetworkEstimator(save_untrained(tmp_path_factory.mktemp("run")))
 
 
 @pytest.mark.parametrize("occluder", [0, 1])
 def test_a_training_crop_is_the_crop_that_inference_makes_of_the_same_depth(tmp_path, monkeypatch, occluder):
     """Bit for bit in both channels, occluded or not: no ridge of covered parts shows through."""
     model, people, ridge = ModelConfig(input="depth_ridge", crop_px=32, widths=[8, 8, 8, 8]), CapsulePeople(6), RidgeConfig(0.6)
-    meta = {"step": 1, "config": {"ridge": asdict(ridge)}, "metrics": {}}
-    estimator = NetworkEstimator(save_checkpoint(tmp_path, build_network(model), {}, meta, best=True))
+    estimator = NetworkEstimator(save_untrained(tmp_path, model, config={"ridge": asdict(ridge)}))
 
     occluded = []
     monkeypatch.setattr("kpopnet.data.batches.occlude", lambda *given: occluded.append(occlude(*given)) or occluded[-1])

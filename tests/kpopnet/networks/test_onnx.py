@@ -10,15 +10,16 @@ import onnx
 import pytest
 import safetensors.torch
 import torch
+from checkpoints import save_untrained
 from programs import ROOT
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.networks import PERSON, ModelConfig
 from kpopnet.networks.backend import read_description
-from kpopnet.networks.checkpoint import load_network, save_checkpoint
+from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.networks.network import PersonHead, build_network
+from kpopnet.networks.network import PersonHead
 from kpopnet.networks.onnx_export import export_network
 from kpopnet.skeleton import JOINT_NAMES
 
@@ -27,8 +28,7 @@ def save(folder):
     """Saves the checkpoint of a small network with random weights; the network and its description."""
     model = ModelConfig("dense", "depth_ridge", crop_px=32, widths=[8, 8, 16, 16])
     config = {"ridge": {"epsilon_r": 0.5}, "data": {"train": "/home/me/data/train"}, "crops": "/home/me/crops"}
-    meta = {"step": 5, "config": config, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}
-    return load_network(save_checkpoint(folder, build_network(model, 1), {}, meta, best=True))
+    return load_network(save_untrained(folder, model, config=config))
 
 
 @pytest.fixture(scope="module")

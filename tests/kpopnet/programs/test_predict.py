@@ -6,13 +6,11 @@ from functools import partial
 import cv2
 import numpy as np
 import pytest
+from checkpoints import save_untrained
 from extraction_scenes import CAMERA, compose, room, shifted, standing
 from PIL import Image
 
 from kpopnet.camera import CAMERAS
-from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import save_checkpoint
-from kpopnet.networks.network import build_network
 from kpopnet.programs.predict import draw
 from kpopnet.skeleton import Joint
 from kpopnet.sources import open_depth
@@ -29,12 +27,7 @@ def recording() -> np.ndarray:
 @pytest.fixture(scope="module")
 def checkpoint(tmp_path_factory):
     """An untrained network, whose joints lie somewhere on the person."""
-    folder = tmp_path_factory.mktemp("run")
-    network = build_network(ModelConfig(crop_px=32, widths=[8, 8, 8, 8]))
-    save_checkpoint(
-        folder, network, {}, {"step": 0, "config": {}, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()}, best=True
-    )
-    return folder / "best"
+    return save_untrained(tmp_path_factory.mktemp("run"))
 
 
 @pytest.fixture

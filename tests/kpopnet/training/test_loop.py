@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from capsule_people import CapsulePeople
-from checkpoint_contents import contents, flatten
+from checkpoints import contents, flatten
 from safetensors.torch import load_file
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from capsule_people import CAMERA, draw_depth, draw_joints
+from checkpoints import save_untrained
 from programs import tool
 from safetensors.torch import load_file
 from safetensors.torch import save as save_weights
@@ -16,7 +17,6 @@ from kpopnet.errors import InputError
 from kpopnet.finder.finder import open_finder
 from kpopnet.finder.network import FinderNetwork
 from kpopnet.networks import PERSON, ModelConfig
-from kpopnet.networks.checkpoint import save_checkpoint
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import PersonHead, build_network
 
@@ -36,8 +36,7 @@ CONFIG = {
 
 
 def save(run, network=None, **more):
-    meta = {"step": 5, "config": CONFIG, "metrics": {}, "mean_pose_m": np.zeros((15, 3)).tolist()} | more
-    return save_checkpoint(run, network or build_network(MODEL, 1), {}, meta, best=True)
+    return save_untrained(run, MODEL, network, **({"config": CONFIG} | more))
 
 
 @pytest.fixture(scope="module")
