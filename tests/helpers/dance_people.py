@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from kpopnet.dance.online import OnlineScore, OnlineScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.skeleton import MIRROR, Joint
 from synth.motion.choreography.composer import dance
@@ -38,6 +39,13 @@ def joints_of(motion: Motion) -> np.ndarray:
 def performed(joints_m: np.ndarray, delay_s: float = 0.0, fps: float = FPS) -> Performance:
     """A performance of (T, 15, 3) joints at a frame rate, delayed by a number of seconds."""
     return Performance(joints_m, np.arange(len(joints_m)) / fps + delay_s)
+
+
+def followed(online: OnlineScorer, learner: Performance) -> OnlineScore | None:
+    """Gives an online scorer every frame of a learner's dance; what it says at the last one."""
+    for joints_m, time_s, confidence in zip(learner.joints_m, learner.times_s, learner.confidence, strict=True):
+        latest = online.update(joints_m, float(time_s), confidence)
+    return latest
 
 
 def mirrored(joints_m: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 import dance_learners as made
 import numpy as np
 import pytest
-from dance_people import FPS, dance_joints_m, performed
+from dance_people import FPS, dance_joints_m, followed, performed
 
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.online import OnlineScorer
@@ -92,9 +92,8 @@ def test_a_free_part_is_graded_by_its_energy():
 
 def test_a_free_part_is_free_during_the_dance_too():
     teacher_m, learner_m = otherwise(lambda joints_m: dance_joints_m(7, SECONDS))
-    online, sure = OnlineScorer(performed(teacher_m), free_s=[FREE_S]), np.ones(15)
-    for number, joints_m in enumerate(learner_m):
-        online.update(joints_m, number / FPS, sure)
+    online = OnlineScorer(performed(teacher_m), free_s=[FREE_S])
+    followed(online, performed(learner_m))
     offline = score_dance(performed(teacher_m), performed(learner_m), free_s=[FREE_S])
     assert online.finish().similarity == pytest.approx(offline.similarity) and online.finish().free() == offline.free()
     with pytest.raises(InputError, match="free from 3 to 3 s"):

@@ -10,7 +10,6 @@ from programs import tool
 
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.noise.table import NOISE, doubt, kept_by_noise
-from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, DanceScore, score_dance
 from kpopnet.skeleton import Joint
@@ -64,16 +63,6 @@ def test_what_is_not_seen_is_not_excused_and_no_score_exceeds_100(known):
     exact = score_dance(performed(JOINTS_M), doubtful, known)
     shown = [exact.similarity, exact.posture, *exact.parts.values(), *exact.windows.posture, *exact.windows.similarity]
     assert max(shown) == 100
-
-
-def test_online_equals_offline_where_errors_are_taken_out(known):
-    teacher_m = JOINTS_M[:180]
-    learner, online = estimated(teacher_m, 1), OnlineScorer(performed(teacher_m), known)
-    for frame in zip(learner.joints_m, learner.times_s, learner.confidence, strict=True):
-        latest = online.update(*frame)
-    whole, offline = online.finish(), score_dance(performed(teacher_m), learner, known)
-    assert whole.similarity == pytest.approx(offline.similarity) and whole.uncertainty == pytest.approx(offline.uncertainty)
-    assert latest is not None and max(latest.so_far, latest.similarity, *latest.parts.values()) <= 100
 
 
 def test_noise_is_measured_as_it_is():

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dance_people import FPS, dance_joints_m, mirrored, noisy, performed, turned
+from dance_people import FPS, dance_joints_m, followed, mirrored, noisy, performed, turned
 
 from kpopnet.dance.features import FEATURES, Angles, Feature
 from kpopnet.dance.feedback import feedback
@@ -139,10 +139,8 @@ def test_dropped_frames_and_other_frame_rates_hardly_change_the_score():
         assert score_dance(performed(joints_m), other).similarity > 85
 
 
-def online_score(learner):
-    online = OnlineScorer(performed(JOINTS_M))
-    for joints_m, time_s in zip(learner.joints_m, learner.times_s, strict=True):
-        online.update(joints_m, float(time_s))
+def finished(learner):
+    followed(online := OnlineScorer(performed(JOINTS_M)), learner)
     return online.finish()
 
 
@@ -169,7 +167,7 @@ FAR[100, 7] = 1e200
         (lambda: score_dance(3, JOINTS_M, fps=FPS), "the teacher's dance: .*int"),
         (lambda: OnlineScorer(performed(JOINTS_M)).update(JOINTS_M[0, :14], 0.1), r"joints of shape \(14, 3\)"),
         (lambda: OnlineScorer(performed(JOINTS_M)).finish(), "no whole window"),
-        (lambda: online_score(LOST), "the learner's dance: no joint is known in any of its 360 frames"),
+        (lambda: finished(LOST), "the learner's dance: no joint is known in any of its 360 frames"),
     ],
 )
 def test_bad_input_is_refused_with_a_message(refused, message):
@@ -208,7 +206,10 @@ def test_a_learner_is_scored_only_within_the_teachers_dance():
     assert score.windows.start_s[0] == 2.0 and score.windows.start_s[-1] <= 6.0
 
 
-ONLINE = [SCORERS["paper"], SCORERS["raptis"], PartScorer(mirrored="auto", latency_s=0.1), PartScorer(mirrored="true")]
+ONLINE = [
+    SCORERS["paper"], SCORERS["raptis"], PartScorer(mirrored="auto", latency_s=0.1), PartScorer(mirrored="true"),
+    PartScorer(noise="realtime"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("scorer", ONLINE)
@@ -253,10 +254,9 @@ def test_copying_a_teacher_who_stands_still_earns_nothing_online_either():
 @pytest.mark.parametrize("scorer", [OURS, SCORERS["paper"]])
 def test_a_learner_who_joins_late_and_leaves_early_scores_the_same_online(scorer):
     teacher_m, frames = dance_joints_m(1), np.arange(100, 260)
-    online = OnlineScorer(performed(teacher_m), scorer)
-    for frame in frames:
-        online.update(teacher_m[frame], frame / FPS)
-    whole = score_dance(performed(teacher_m), Performance(teacher_m[frames], frames / FPS), scorer)
+    learner, online = Performance(teacher_m[frames], frames / FPS), OnlineScorer(performed(teacher_m), scorer)
+    followed(online, learner)
+    whole = score_dance(performed(teacher_m), learner, scorer)
     np.testing.assert_equal(online.finish(), whole)
     assert whole.scored < 0.7 and (whole.similarity < 60 or scorer is not OURS)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dance_learners import arm_lowered, smaller
-from dance_people import FPS, dance_joints_m, noisy, performed
+from dance_people import FPS, dance_joints_m, followed, noisy, performed
 
 from kpopnet.dance.features import dance_features
 from kpopnet.dance.noise.steady import MOST_EXPECTED_RAD, SEGMENTS, steady_similarity, steady_squared
@@ -84,21 +84,12 @@ def test_a_steady_fault_costs_where_errors_would_excuse_it_and_costs_more_the_la
     assert max(*scores[2].windows.posture, *scores[2].windows.similarity) < 100
 
 
-def test_a_fault_costs_while_it_lasts(generous):
-    learner_m = np.concatenate([arm_lowered(JOINTS_M[:180], "left", 40), JOINTS_M[180:]])
-    posture = score_dance(performed(JOINTS_M), performed(learner_m), generous).windows.posture
-    assert (posture[:8] < 97).all() and (posture[-8:] == 100).all()
-
-
-def test_online_equals_offline_where_steady_differences_limit_the_score(generous):
-    learner_m = noisy(arm_lowered(JOINTS_M, "right", 25), 0.01, 1)
-    learner, online = performed(learner_m), OnlineScorer(performed(JOINTS_M), generous)
-    for joints_m, time_s in zip(learner_m, learner.times_s, strict=True):
-        latest = online.update(joints_m, time_s)
-    offline = score_dance(performed(JOINTS_M), learner, generous)
-    assert offline.similarity < 99 and offline.similarity == pytest.approx(online.finish().similarity)
-    assert latest.so_far == pytest.approx(offline.similarity, abs=2)
-    assert latest.parts["right arm"] < 80 < latest.parts["left arm"]
+def test_a_fault_costs_while_it_lasts_online_too(generous):
+    learner = performed(np.concatenate([arm_lowered(JOINTS_M[:180], "left", 40), JOINTS_M[180:]]))
+    score, online = score_dance(performed(JOINTS_M), learner, generous), OnlineScorer(performed(JOINTS_M), generous)
+    assert (score.windows.posture[:8] < 97).all() and (score.windows.posture[-8:] == 100).all()
+    followed(online, learner)
+    np.testing.assert_equal(online.finish(), score)
 
 
 def test_errors_below_the_usual_ones_do_not_excuse_lateness(generous):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import dance_learners as made
 import numpy as np
 import pytest
-from dance_people import dance_joints_m, performed
+from dance_people import dance_joints_m, followed, performed
 
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.joint_files.writing import write_performance
@@ -37,8 +37,7 @@ def test_where_one_torso_is_derived_the_bend_is_not_compared_and_not_unseen(name
         copy.completeness
     )
     online = OnlineScorer(pair[0], SCORERS[name], torso_is_derived=derived == "learner")
-    for joints_m, time_s in zip(pair[1].joints_m, pair[1].times_s, strict=True):
-        online.update(joints_m, float(time_s))
+    followed(online, pair[1])
     assert online.finish().similarity == pytest.approx(score.similarity, abs=1e-6)
 
 
