@@ -14,6 +14,7 @@ from kpopnet.dance.joint_files.points import (
     IMPERIAL_NAMES,
     MEDIAPIPE_NAMES,
     NamedPoints,
+    frame_times_s,
     named_performances,
     plain_name,
 )
@@ -220,6 +221,15 @@ def test_a_given_frame_rate_overrides_the_files(tmp_path):
         read_performance(tmp_path / "b.npz", 0.0)
     with pytest.raises(InputError, match=r"b\.npz: frames are 0\.333 s apart, in the median; expected at most 0\.25 s"):
         read_performance(tmp_path / "b.npz", 3.0)
+
+
+def test_a_true_rate_stretches_the_files_times_and_keeps_their_begin_and_gaps():
+    times_s = 3 + np.array([0, 1, 2, 5, 6, 7]) / 25
+    stretched_s = frame_times_s(6, times_s, None, 30.0, "dance.json")
+    np.testing.assert_allclose(stretched_s, 3 + np.array([0, 1, 2, 5, 6, 7]) / 30)
+    np.testing.assert_array_equal(frame_times_s(6, times_s, None, None, "dance.json"), times_s)
+    for without_s in (None, np.full(6, 2.0)):  # or with equal ones
+        np.testing.assert_allclose(frame_times_s(6, without_s, 25.0, 30.0, "dance.json"), np.arange(6) / 30)
 
 
 def test_what_is_missing_is_named(tmp_path):
