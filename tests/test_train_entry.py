@@ -34,6 +34,7 @@ def place(tmp_path_factory):
     write_shard(folder / "train", 0, 6, empty=(2,))
     write_shard(folder / "train", 1, 6)
     write_shard(folder / "validation", 0, 4)
+    write_shard(folder / "test", 0, 4, kind="frozen", empty=(1,))
     return folder
 
 
@@ -122,6 +123,28 @@ def test_a_torn_shard_in_the_middle_of_a_training_is_named(place):
     assert done.returncode == 1
     last = done.stderr.splitlines()[-1]
     assert last.startswith("error: torn/shard_00001.h5") and "make it again" in last, done.stderr
+
+
+def test_a_tree_walk_is_trained_and_judged(place):
+    tree_walk = "tree_walk.crop_px=48", "tree_walk.images=40", "tree_walk.leaf_samples=10", "tree_walk.features=20"
+    words = "--config-name", "tree_walk", "out=model", "data.train=train", "data.validation=validation", "workers=0", *tree_walk
+    done = run(place, *words)
+    assert done.returncode == 0, done.stderr
+    assert "% within 10 cm on validation people" in done.stdout + done.stderr
+    again = run(place, *words, "seed=3")
+    assert again.returncode == 1 and "model: holds a model; give another folder" in again.stderr
+    meta = json.loads((place / "model" / "meta.json").read_text())
+    assert meta["config"]["tree_walk"]["images"] == 40 and meta["config"]["sensor"]["name"] == "kinect_v1"
+    assert set(meta["metrics"]["within_10cm_per_joint"]) == set(meta["joint_names"])
+
+    done = run_program(
+        "evaluate.py", place, "estimator=[tree_walk]", "estimator.tree_walk.path=model", "benchmark.path=test",
+        "hydra.run.dir=judged", "processes=1",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found = json.loads((place / "judged" / "metrics.json").read_text())
+    assert list(found["estimators"]) == ["tree_walk"] and found["missing"]["images_without_estimate"] == 1
+    assert 0 < found["estimators"]["tree_walk"]["mean_error_cm"] < 200
 
 
 def test_every_configuration_composes_to_real_objects():
