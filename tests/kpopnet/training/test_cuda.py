@@ -30,15 +30,6 @@ MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
 SHORT = TrainingConfig(steps=6, batch_size=8, validate_every=2, validation_samples=8)
 
 
-@pytest.fixture(autouse=True)
-def restored_torch():
-    """Restores torch's determinism and threads, which training sets for the process."""
-    threads = torch.get_num_threads()
-    yield
-    torch.use_deterministic_algorithms(False)
-    torch.set_num_threads(threads)
-
-
 def gradient(device: str) -> tuple[torch.Tensor, list[torch.dtype]]:
     """The gradient of one batch in training, moved to the CPU, and the data types of the encoder's maps."""
     order, patches = ShuffledOrder(20, 16, 0), device == "cuda"

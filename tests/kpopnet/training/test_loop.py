@@ -28,13 +28,6 @@ SHORT = TrainingConfig(steps=6, batch_size=8, validate_every=2, validation_sampl
 PEOPLE, OTHERS = CapsulePeople(20, seed=1), CapsulePeople(8, seed=2)
 
 
-@pytest.fixture(autouse=True)
-def restored_torch():
-    """Restores torch's determinism, which training sets for the process."""
-    yield
-    torch.use_deterministic_algorithms(False)
-
-
 def short_run(training=SHORT, model=MODEL, **settings):
     return RunConfig(model, training, **({"device": "cpu", "workers": 0, "threads": 1} | settings))
 

@@ -1,0 +1,13 @@
+"""What a training sets for the whole process is set back."""
+
+import pytest
+import torch
+
+
+@pytest.fixture(autouse=True)
+def restored_torch():
+    """Restores torch's determinism and threads."""
+    threads = torch.get_num_threads()
+    yield
+    torch.use_deterministic_algorithms(False)
+    torch.set_num_threads(threads)
