@@ -52,6 +52,13 @@ def draw_cones(joints_camera_m: np.ndarray, body: Body, camera: Camera) -> np.nd
     return draw_spheres((ball for (a, b), radii in parts for ball in row(rows[a], rows[b], *radii, SPHERES)), camera)
 
 
+def tracked(tracker, depth_m: np.ndarray, start_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 15, 3) joints in metres and (T, 15) confidences of (T, H, W) images, from a given first pose on."""
+    tracker.start(start_m)
+    joints, confidence = zip(*[tracker.track(image) for image in depth_m], strict=True)
+    return np.array(joints), np.array(confidence)
+
+
 def seen(joints: np.ndarray) -> tuple[Body, DepthGrid]:
     """The body of a person with these joints, and the grid over its depth image."""
     body = cone_body(joints)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import PLACE_M, cone_body, cone_joints, draw_cones, error_m, filmed
+from cone_people import PLACE_M, cone_body, cone_joints, draw_cones, error_m, filmed, tracked
 from y_people import draw_y, y_joints
 
 from kpopnet.camera import CAMERAS
@@ -21,13 +21,6 @@ MAKERS = {
     "repaired": lambda model=None: PaperTracker(CAMERA, REPAIRED, model),
 }
 each = pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
-
-
-def tracked(tracker, depth: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T, 15, 3) joints and (T, 15) confidences."""
-    tracker.start(start)
-    joints, confidence = zip(*[tracker.track(image) for image in depth], strict=True)
-    return np.array(joints), np.array(confidence)
 
 
 @pytest.fixture(scope="module")

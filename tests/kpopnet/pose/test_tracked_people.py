@@ -3,27 +3,17 @@
 from itertools import pairwise
 
 import numpy as np
-from cone_people import cone_body, cone_joints, draw_cones
+from two_people_files import CAMERA, draw_people
 
-from kpopnet.camera import CAMERAS
 from kpopnet.pose import PersonPose, PoseEstimator
 
-CAMERA = CAMERAS["kinect_v1"]
-WALL_M = 4.6
 STILL = 6
-STANDING = cone_joints(-70, 6, place_m=(0, 0, 0))
 
 
 def film(*paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(P, T, 15, 3) true joints and (T, H, W) uint16 millimetres of people who glide along (T, 2) paths of x and z, metres."""
-    joints = np.array([[STANDING + np.array((x, 0.15, z)) for x, z in path] for path in paths])
-    body = cone_body(STANDING)
-    depth = np.full((len(paths[0]), CAMERA.height, CAMERA.width), WALL_M)
-    for person in joints:
-        for image, pose in zip(depth, person, strict=True):
-            drawn = draw_cones(pose, body, CAMERA)
-            np.minimum(image, drawn, out=image, where=drawn > 0)
-    return joints, np.rint(1000 * depth).astype(np.uint16)
+    depth_mm, joints_m, _ = draw_people(np.stack(paths, axis=1))
+    return joints_m.swapaxes(0, 1), depth_mm
 
 
 def path(*stations: tuple[float, float], step_m: float = 0.04) -> np.ndarray:

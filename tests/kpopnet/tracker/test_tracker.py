@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cone_people import PLACE_M, cone_body, cone_joints, draw_cones, error_m, filmed
+from cone_people import PLACE_M, cone_body, cone_joints, draw_cones, error_m, filmed, tracked
 
 from kpopnet.camera import CAMERAS
 from kpopnet.geometry.depth_grid import build_depth_grid
@@ -23,14 +23,6 @@ def dance(frames: int = 10) -> np.ndarray:
     )
 
 
-def tracked(depth: np.ndarray, start: np.ndarray, camera=CAMERA) -> tuple[np.ndarray, np.ndarray]:
-    """(T, 15, 3) joints and (T, 15) confidences."""
-    tracker = Tracker(camera)
-    tracker.start(start)
-    joints, confidence = zip(*[tracker.track(image) for image in depth], strict=True)
-    return np.array(joints), np.array(confidence)
-
-
 @pytest.fixture(scope="module")
 def dancer():
     joints = dance()
@@ -46,7 +38,7 @@ def simulated():
 
 def test_a_simulated_person_is_tracked(simulated) -> None:
     depth, joints, camera = simulated
-    found, _ = tracked(depth, joints[0], camera)
+    found, _ = tracked(Tracker(camera), depth, joints[0])
     assert (error_m(found, joints) < 0.1).mean() > 0.7
 
 
@@ -116,16 +108,16 @@ def test_shifting_image_and_camera_keeps_the_joints(dancer, right: int, down: in
     by_x, by_y = side_px * right, side_px * down
     moved = np.roll(depth[:5], (by_y, by_x), axis=(1, 2))
     camera = CAMERA.cropped(-by_x, -by_y, CAMERA.width, CAMERA.height)
-    found, _ = tracked(moved, joints[0], camera)
-    np.testing.assert_allclose(found, tracked(depth[:5], joints[0])[0], atol=1e-6)
+    found, _ = tracked(Tracker(camera), moved, joints[0])
+    np.testing.assert_allclose(found, tracked(Tracker(CAMERA), depth[:5], joints[0])[0], atol=1e-6)
 
 
 def test_a_mirrored_image_gives_mirrored_joints(dancer) -> None:
     """Not exact: a cell's middle column may be another one in the mirror image; and right is processed first."""
     joints, depth = dancer
     mirror = np.array((-1, 1, 1))
-    mirrored, _ = tracked(np.ascontiguousarray(depth[..., ::-1]), (joints[0] * mirror)[MIRROR], CAMERA.mirrored())
-    plain, _ = tracked(depth, joints[0])
+    mirrored, _ = tracked(Tracker(CAMERA.mirrored()), np.ascontiguousarray(depth[..., ::-1]), (joints[0] * mirror)[MIRROR])
+    plain, _ = tracked(Tracker(CAMERA), depth, joints[0])
     difference = error_m((mirrored * mirror)[:, MIRROR], plain)
     assert difference.mean() < 0.02 and np.quantile(difference, 0.95) < 0.06
 
@@ -134,7 +126,7 @@ def test_a_person_who_leaves_and_returns_is_tracked_again(dancer) -> None:
     joints, depth = dancer
     back = joints[4:] + np.array((0.7, 0, 0))
     sequence = np.concatenate([depth[:4], np.repeat(EMPTY[None], 10, axis=0), filmed(back, CAMERA)])
-    found, confidence = tracked(sequence, joints[0])
+    found, confidence = tracked(Tracker(CAMERA), sequence, joints[0])
     assert np.isnan(found[4:14]).all() and not confidence[4:14].any()
     assert np.isfinite(found[14:]).all() and error_m(found[-1], back[-1]).mean() < 0.05
 
@@ -146,7 +138,9 @@ def test_who_comes_back_out_of_reach_of_the_last_pose_is_tracked_there(aside_m: 
     first = cone_joints(-50, 8, place_m=(-0.6, 0, PLACE_M[2]))
     back = first + np.array((aside_m, 0, 0))
     shown = [filmed(np.repeat(joints[None], 6, axis=0), CAMERA) for joints in (first, back)]
-    found, confidence = tracked(np.concatenate([shown[0], np.repeat(EMPTY[None], away, axis=0), shown[1]]), first)
+    found, confidence = tracked(
+        Tracker(CAMERA), np.concatenate([shown[0], np.repeat(EMPTY[None], away, axis=0), shown[1]]), first
+    )
     errors_m = error_m(found[-6:], back).mean(axis=-1)
     assert errors_m.max() < 0.05 and confidence[-1].mean() > 0.8
 
@@ -179,6 +173,6 @@ def test_tracking_recovers_from_a_half_image_dropout(dancer, lost) -> None:
     sequence = depth.copy()
     for image in sequence[3:6]:
         image[lost] = 0
-    found, confidence = tracked(sequence, joints[0])
+    found, confidence = tracked(Tracker(CAMERA), sequence, joints[0])
     assert np.isfinite(found).all() and np.isfinite(confidence).all()
     assert error_m(found[-1], joints[-1]).mean() < 0.05
