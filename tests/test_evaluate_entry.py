@@ -28,10 +28,9 @@ evaluate = partial(run_program, "evaluate.py")
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    """A folder with a frozen set in `set`, a clean one in `clean`, and a checkpoint in `run/last`."""
+    """A folder with a frozen set in `set` and a checkpoint in `run/last`."""
     folder = tmp_path_factory.mktemp("evaluate")
     write_shard(folder / "set", [1, 1, 2, 2, 3], empty=(1,))
-    write_shard(folder / "clean", [1], kind="clean")
     save_untrained(folder / "run")
     return folder
 
