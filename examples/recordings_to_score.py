@@ -10,6 +10,7 @@ from pathlib import Path
 
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.performance import from_absolute_clocks
 from kpopnet.dance.scoring import SCORERS, score_dance
 
 
@@ -20,7 +21,7 @@ def main() -> None:
     parser.add_argument("--fps", type=float, help="frames per second of files that state none or a wrong one")
     given = parser.parse_args()
 
-    teacher, learner = read_performance(given.teacher, given.fps), read_performance(given.learner, given.fps)
+    teacher, learner = from_absolute_clocks([read_performance(path, given.fps) for path in (given.teacher, given.learner)])
     score = score_dance(teacher, learner, SCORERS["dance22"])
     print(f"similarity {score.similarity:.0f}, timing {score.timing:.0f}, posture {score.posture:.0f} of 100")
     print("parts: " + ", ".join(f"{name} {value:.0f}" for name, value in score.parts.items()))

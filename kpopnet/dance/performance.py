@@ -7,6 +7,7 @@ joint that jumps away for one or two frames hardly moves the line.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
@@ -14,8 +15,12 @@ from numba import njit
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
-MAX_DURATION_S, MAX_TIME_S = 7200.0, 1e9
-"""Longest dance, which bounds the memory of a comparison to a few hundred megabytes, and latest time on a clock."""
+MAX_DURATION_S, MAX_TIME_S = 7200.0, 1e10
+"""Longest dance, which bounds the memory of a comparison to a few hundred megabytes, and latest time on a clock: seconds since
+1970 are less, milliseconds are not."""
+
+ABSOLUTE_S = 1e9
+"""Later times are of an absolute clock, as the seconds since 1970 have been since 2001, and not of a piece of music."""
 
 MAX_COORDINATE = 1e6
 """A kilometre in millimetres: no dance is farther from the origin, in any unit."""
@@ -48,7 +53,7 @@ class Performance:
     Attributes:
         joints_m: (T, 15, 3) float64 in the camera frame, NaN where a joint is missing.
         times_s: (T,) float64 seconds, strictly increasing, on the clock of the music: zero is the same instant of the music for
-            the teacher and the learner.
+            the teacher and the learner. Those of an absolute clock: see `from_absolute_clocks`.
         confidence: (T, 15) float64 in 0..1; 0 where the joint is missing. A joint of a confidence below
             `kpopnet.dance.features.SEEN_CONFIDENCE` is partly unseen.
     """
@@ -106,6 +111,20 @@ def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: st
         return check_rate(Performance(dance, np.arange(len(dance)) / fps))
     except (InputError, TypeError) as error:  # a TypeError of what has no length
         raise InputError(f"the {whose}'s dance: {error}") from error
+
+
+def from_absolute_clocks(dances: Sequence[Performance]) -> list[Performance]:
+    """The dances; times of an absolute clock, beyond ABSOLUTE_S, count from the dance's first frame.
+
+    Those of a dance that was recorded together with the first one count from the first one's: they share its clock.
+    """
+    first, found = dances[0], []
+    for one in dances:
+        together = one.times_s[0] < first.times_s[-1] and first.times_s[0] < one.times_s[-1]
+        start_s = (first if together else one).times_s[0]
+        times_s = one.times_s - (start_s if start_s > ABSOLUTE_S else 0.0)
+        found.append(Performance(one.joints_m, times_s, one.confidence))
+    return found
 
 
 def with_derived_torso(joints_m: np.ndarray, confidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

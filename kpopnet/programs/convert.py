@@ -29,7 +29,7 @@ import numpy as np
 from kpopnet.dance.features import SEEN_CONFIDENCE
 from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performances
 from kpopnet.dance.joint_files.reader import read_strangers_performance
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import Performance, from_absolute_clocks
 from kpopnet.datasets.dances.dance_set import LABELS, MAX_COORDINATE_M, TEACHER, check_times, is_learner_name
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
 from kpopnet.datasets.protocol import check_joints
@@ -89,10 +89,11 @@ def convert_recordings(
     """Writes a dance from files of joints, the learners from the best to the worst; `fps` is the true frame rate if given,
     and `joint_map` as for `read_performance`.
     """
-    names = {path.stem: read_strangers_performance(path, fps, joint_map) for path in learners}
-    if len(names) < max(len(learners), 2):
+    names = [path.stem for path in learners]
+    if len(set(names)) < max(len(names), 2):
         raise InputError("--learners: give at least two files of different names, the best dancer's first")
-    write_dance(out, dance, read_strangers_performance(teacher, fps, joint_map), names)
+    danced = from_absolute_clocks([read_strangers_performance(path, fps, joint_map) for path in (teacher, *learners)])
+    write_dance(out, dance, danced[0], dict(zip(names, danced[1:], strict=True)))
 
 
 def convert_imperial(source: Path, out: Path) -> None:

@@ -27,7 +27,7 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.dance.joint_files.writing import SUFFIXES, write_performance
-from kpopnet.dance.performance import MAX_DURATION_S, MAX_TIME_S, Performance
+from kpopnet.dance.performance import ABSOLUTE_S, MAX_DURATION_S, Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.pose.estimator import MAX_PEOPLE
@@ -62,7 +62,7 @@ def parsed() -> argparse.Namespace:
 
 def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) -> tuple[list[PersonPose], np.ndarray]:
     """The people of a recording, the main person first, and the (T,) times of its images in seconds: since
-    the first image where they lie beyond MAX_TIME_S, as those since 1970 do.
+    the first image where they lie beyond ABSOLUTE_S, as those since 1970 do.
 
     Raises InputError if an image cannot be read or is no depth, or the recording is too long or empty.
     """
@@ -73,11 +73,11 @@ def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) ->
     def images() -> Iterator[TimedDepth]:
         nonlocal start_s
         for image in tqdm(source.timed(), "joints", source.frames, unit=" images", disable=None):
-            if not times_s and image.time_s > MAX_TIME_S:
+            if not times_s and image.time_s > ABSOLUTE_S:
                 start_s = image.time_s
             image = image._replace(time_s=image.time_s - start_s)
             times_s.append(image.time_s)
-            if abs(image.time_s) > MAX_TIME_S or image.time_s - times_s[0] > MAX_DURATION_S:
+            if abs(image.time_s) > ABSOLUTE_S or image.time_s - times_s[0] > MAX_DURATION_S:
                 text = (
                     f"an image at {image.time_s:g} s; expected times in seconds from 0, of at most {MAX_DURATION_S:g} s in all"
                 )

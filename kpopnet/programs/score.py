@@ -4,10 +4,11 @@
     kpopnet score teacher.csv learner.csv --learner-fps 30 --out outputs/score/ann
 
 Files are .npz, .bvh, .glb or others; docs/dance_scoring.md says what they hold. Time zero is the same instant of the music
-in both. A mirrored dance, swapped sides, left-handed axes, a clock that is a second or more off and a wrong frame rate are
-corrected where that gains 30 points or more, and both scores are printed; what may be the dancer's own fault, such as 0.3 s
-of delay, never is. The program prints the score and what to mend, phrase by phrase, and writes score.json and score.html: one
-page with a replay of both dancers in 3D, which needs no other file. An earlier score in the same folder is replaced.
+in both; times since 1970 count from the file's first frame. A mirrored dance, swapped sides, left-handed axes, a clock that
+is a second or more off and a wrong frame rate are corrected where that gains 30 points or more, and both scores are printed;
+what may be the dancer's own fault, such as 0.3 s of delay, never is. The program prints the score and what to mend, phrase by
+phrase, and writes score.json and score.html: one page with a replay of both dancers in 3D, which needs no other file. An
+earlier score in the same folder is replaced.
 """
 
 import argparse
@@ -21,7 +22,7 @@ from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.noise.table import NOISE
 from kpopnet.dance.parts import PartScorer
-from kpopnet.dance.performance import MAX_TIME_S, Performance
+from kpopnet.dance.performance import ABSOLUTE_S, Performance, from_absolute_clocks
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.moments import PHRASE_S
@@ -81,7 +82,7 @@ def parsed() -> argparse.Namespace:
     given = parser.parse_args()
     if given.bpm is not None and not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats a minute")
-    check_between("--late", given.late, -MAX_TIME_S, MAX_TIME_S)
+    check_between("--late", given.late, -ABSOLUTE_S, ABSOLUTE_S)
     check_grading(given)
     return given
 
@@ -96,9 +97,9 @@ def main() -> None:
     elif given.noise != "none":
         raise InputError(f"--noise {given.noise}: scorer {given.scorer} knows no noise; dance22 does")
     teacher = read_observed(given.teacher, given.teacher_fps, given.joint_map, given.correct_teacher, given.scorer)
-    learner = delayed(
-        read_observed(given.learner, given.learner_fps, given.joint_map, given.correct_learner, given.scorer), given.late
-    )
+    learner = read_observed(given.learner, given.learner_fps, given.joint_map, given.correct_learner, given.scorer)
+    teacher, learner = from_absolute_clocks([teacher, learner])
+    learner = delayed(learner, given.late)
     before = Correction(given.correct_teacher, given.correct_learner, late_s=given.late)
     diagnosis = diagnose(teacher, learner, scorer, given.as_is, given.free, before)
     diagnosis.faults[:0] = other_formats(given.teacher, given.learner)

@@ -1,7 +1,9 @@
 import numpy as np
+import pytest
 from dance_people import dance_joints_m
 
 from kpopnet.dance import performance
+from kpopnet.errors import InputError
 
 JOINTS_M = dance_joints_m(0, 4.0)
 TIMES_S = np.arange(len(JOINTS_M)) / 30
@@ -52,3 +54,14 @@ def test_confidence_is_a_weighted_mean_of_the_samples_around():
     weights = np.exp(-0.5 * ((TIMES_S - at_s[:2, None]) / 0.08) ** 2) * (np.abs(TIMES_S - at_s[:2, None]) <= 0.25)
     np.testing.assert_allclose(result[:2], weights @ confidence / weights.sum(axis=1, keepdims=True))
     assert not result[2].any()  # no sample is near
+
+
+def test_a_dance_on_an_absolute_clock_begins_with_its_first_frame_or_with_the_dance_beside_it():
+    starts_s = 1.7e9, 1.7e9 + 1.5, 1.7e9 - 500, 12.0
+    dances = [performance.Performance(JOINTS_M, start_s + TIMES_S) for start_s in starts_s]
+    given = performance.from_absolute_clocks(dances)
+    np.testing.assert_allclose([one.times_s[0] for one in given], [0, 1.5, 0, 12])
+    np.testing.assert_array_equal(given[3].times_s, dances[3].times_s)
+    np.testing.assert_allclose(performance.from_absolute_clocks(dances[::-1])[2].times_s, TIMES_S, atol=1e-6)
+    with pytest.raises(InputError, match="are they seconds"):
+        performance.Performance(JOINTS_M, 1000 * (1.7e9 + TIMES_S))

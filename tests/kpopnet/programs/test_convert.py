@@ -49,6 +49,12 @@ def test_keypoints_become_a_dance(tmp_path, program):
     assert [learner.name for learner in dance.learners] == ["best", "worst"]
     assert dance.teacher().times_s[-1] == pytest.approx((FRAMES - 1) / 60)
     np.testing.assert_allclose(dance.learners[1].joints().joints_m, dance.teacher().joints_m, atol=1e-6)
+    for day, name in enumerate(("teacher", "best", "worst")):
+        times_s = 1.7e9 + 86_400 * day + np.arange(FRAMES) / 60  # since 1970
+        np.savez(tmp_path / f"{name}.npz", keypoints3d=coco(), times_s=times_s)
+    program("convert", "recordings", tmp_path / "days", "--dance", "gBR", *files)
+    dance = KpopSet(tmp_path / "days").dance("gBR")
+    assert [one.times_s[0] for one in (dance.teacher(), *(learner.joints() for learner in dance.learners))] == [0, 0, 0]
     again = partial(program, "convert", "recordings", tmp_path / "out", *files[:-1], fails=True)
     assert "at least two files" in again("--dance", "x")
     np.savez(tmp_path / "other.npz", keypoints3d=coco(unit_m=0.01), fps=60)

@@ -89,6 +89,23 @@ def test_what_no_dancer_does_is_corrected_and_told(files, run, tmp_path):
     assert re.search(r"similarity \d,", printed) and printed.count("warning") == 2
 
 
+@pytest.mark.parametrize("later_s", [86_400, 0.5])
+def test_clocks_that_count_since_1970_are_compared_from_the_first_frame(files, run, tmp_path, later_s):
+    """Of each recording; where both were recorded at once, of the teacher's."""
+    joints_m, days_s = files[2], 1.7e9 + np.arange(len(files[2])) / 30
+    np.savez(tmp_path / "teacher.npz", joints_m=joints_m, times_s=days_s)
+    recorded_m, times_s = (joints_m[15:], days_s[15:]) if later_s < 1 else (joints_m, days_s + later_s)
+    lines = [",".join(["timestamp_ms", *(f"{name}_{axis}" for name in JOINT_NAMES for axis in "xyz")])]
+    lines += [
+        ",".join([f"{1000 * time_s:.0f}", *map(str, row.ravel())]) for time_s, row in zip(times_s, recorded_m, strict=True)
+    ]
+    (tmp_path / "learner.csv").write_text("\n".join(lines))
+    run(tmp_path / "teacher.npz", tmp_path / "learner.csv", "--out", tmp_path / "out", "--free", 0, 1)
+    score = json.loads((tmp_path / "out" / "score.json").read_text())
+    assert score["score"]["similarity"] > 98 and score["corrections"] is None
+    assert np.abs(score["score"]["windows"]["delay_s"][4:]).max() < 0.05 and score["score"]["windows"]["start_s"][0] == 0
+
+
 def test_beats_may_be_asked_for_on_a_clock_that_begins_below_0(files, run, tmp_path):
     _, _, joints_m, _ = files
     for name in ("teacher", "learner"):
