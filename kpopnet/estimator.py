@@ -12,6 +12,9 @@ from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS, Joint
 
 log = logging.getLogger(__name__)
 
+FRAME_S = 1 / 30
+"""From one image to the next, seconds, where their times are unknown."""
+
 REPORTED_FRAMES = 40
 """From this number of frames without joints on, a warning says so: evaluations warm up with 30."""
 

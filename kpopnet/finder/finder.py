@@ -8,7 +8,8 @@ import numpy as np
 from kpopnet.camera import Camera, check_camera, depth_in_metres
 from kpopnet.data.canvas import STRIDE, Reduced, reduced
 from kpopnet.errors import InputError, check_between
-from kpopnet.finder.following import FRAME_S, UNKNOWN, Followed
+from kpopnet.estimator import FRAME_S
+from kpopnet.finder.following import UNKNOWN, Followed
 from kpopnet.finder.people import (
     INPUTS,
     OUTPUT_NAMES,

@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from kpopnet.estimator import FRAME_S
+
 STEP_M, STEP_M_PER_S, MOST_STEP_M = 0.37, 2.4, 1.5
 """Largest distance between where a person is expected and where they are found; it grows with the time since they were last
 found, up to MOST_STEP_M."""
-
-FRAME_S = 1 / 30
-"""From one image to the next, seconds, where their times are unknown."""
 
 MOMENTUM = 0.6
 """Share of the speed of before in that of now, after FRAME_S; its power after other times."""

@@ -12,8 +12,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, check_camera, depth_in_metres, subsampled
 from kpopnet.errors import InputError, check_between, check_one_of
-from kpopnet.estimator import Estimator
-from kpopnet.finder.following import FRAME_S
+from kpopnet.estimator import FRAME_S, Estimator
 from kpopnet.human import Looker
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
@@ -164,7 +163,7 @@ class PoseEstimator:
         humans = {human.identity: human for human in islice(found, most)}
         for identity, person in self._people.items():
             if identity not in humans:
-                person.miss()
+                person.miss(self._time_s)
         if len(self._people) > MAX_REMEMBERED:
             self._people = {identity: person for identity, person in self._people.items() if identity in humans}
         poses = {identity: self._person(identity, camera).see(human, self._time_s) for identity, human in humans.items()}

@@ -89,8 +89,8 @@ class DetectedPerson:
         self._seen_s = time_s
         return self.update(human.depth_m, human.cropped(self.camera), time_s, human.look)
 
-    def miss(self) -> None:
-        """The next image does not show the person."""
+    def miss(self, time_s: float) -> None:
+        """The next image, taken at `time_s`, does not show the person."""
 
     def update(self, depth_m: np.ndarray, camera: Camera, time_s: float, look: Look | None = None) -> Pose:
         """The pose in the next (H, W) image of this person, in metres, 0 elsewhere, taken at `time_s` seconds of any clock.
@@ -118,11 +118,11 @@ class TrackedPerson:
         pose = self.update(human.whole(self.camera), self.camera, time_s)
         return pose if np.isfinite(pose.joints_camera_m).any() else None
 
-    def miss(self) -> None:
-        self._tracker.miss()
+    def miss(self, time_s: float) -> None:
+        self._tracker.miss(time_s)
 
     def update(self, depth_m: np.ndarray, camera: Camera, time_s: float) -> Pose:
-        joints_m, confidence = self._tracker.track(depth_m)
+        joints_m, confidence = self._tracker.track(depth_m, time_s)
         return Pose(joints_m.astype(np.float32), confidence.astype(np.float32))
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.estimator import Estimator, complete_joints
+from kpopnet.estimator import FRAME_S, Estimator, complete_joints
 from kpopnet.geometry.body import Body
 from kpopnet.geometry.cones import torso_frame
 from kpopnet.geometry.depth_grid import MIN_POINTS, DepthGrid, build_depth_grid
@@ -39,8 +39,9 @@ DROPOUT_RATIO, DROPOUT_DECAY = 0.7, 0.9
 held, else the body contracts into what is seen. The area shrinks by `DROPOUT_DECAY` in every held frame: nothing is held for
 ever. Without it a person whose upper half drops out loses their pose (tests/kpopnet/tracker/test_tracker.py)."""
 
-LOST_FRAMES = 30
-"""After this many frames without the person the tracker starts again when a person comes."""
+LOST_S = 0.99
+"""When no image showed the person for longer, in seconds, as in thirty images at 30 a second, the tracker starts again when a
+person comes. Where there was no image at all for longer, a start is a candidate beside the last pose, and no pose is held."""
 
 BASELINE_COST_M2, BASELINE_RATE, MAX_BASELINE_RATIO = 4e-4, 0.02, 1.5
 """What good poses of a person cost, square metres: the value at the start, and the weight of a frame in its exponential moving
@@ -93,7 +94,8 @@ class Tracker:
         self.state: State | None = None
         self.evidence: np.ndarray | None = None
         self._person = BodyEstimate()
-        self._empty_frames = 0
+        self._time_s: float | None = None
+        self._missing_s = 0.0
 
     @property
     def started(self) -> bool:
@@ -115,25 +117,28 @@ class Tracker:
         self.model = self._known_model or model
         self._person = BodyEstimate(self.model)
         self.state = State(joints_m, joints_m.mean(axis=0), np.zeros_like(joints_m), baseline_cost_m2=BASELINE_COST_M2)
-        self._empty_frames = 0
+        self._missing_s = 0.0
 
-    def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def track(self, depth_m: np.ndarray, time_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Tracks the person in the next (H, W) float32 depth image, metres, 0 where the person is not.
+
+        It was taken at `time_s`, in seconds of any clock; None: FRAME_S after the image before.
 
         (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error below
         10 cm; NaN and 0 before the start and in frames without a visible person.
         """
         grid = build_depth_grid(depth_m, self.camera)
         if len(grid.points_m) < MIN_POINTS:
-            self.miss()
+            self.miss(time_s)
             return np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS)
-        self._empty_frames = 0
+        stalled = self._elapsed_s(time_s) > LOST_S and self.started
+        self._missing_s = 0.0
         if not (self.started or self._find_start(depth_m, grid)):
             return np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS)
         if not self._person.frames:
             self._person.update(self.state.joints_m, grid)
         last = self.state
-        if _visible_px(grid) < DROPOUT_RATIO * last.visible_px:
+        if not stalled and _visible_px(grid) < DROPOUT_RATIO * last.visible_px:
             self.state = last._replace(step_m=np.zeros_like(last.step_m), visible_px=DROPOUT_DECAY * last.visible_px)
             return self._joints_and_confidence(grid)
         moved_m = np.median(grid.points_m, axis=0) - last.middle_m
@@ -148,6 +153,9 @@ class Tracker:
             there_m = fit(last.joints_m + moved_m, grid, body, FINAL_ITERATIONS)
             if pose_cost(there_m, grid, body) < MAX_BASELINE_RATIO * last.baseline_cost_m2:
                 candidates.append(there_m)
+        # The last pose is old, but a start alone finds fewer joints: few are upright (docs/ledger.md, A camera that stalls).
+        if stalled and (found := find_start(depth_m, grid, self.camera, self.ways, self.detector)) is not None:
+            candidates += [fit(one, grid, body, START_ITERATIONS) for one in (found[0], found[0][MIRROR])]
         fitted_m = _best_fit(candidates, expected_m, grid, body, stride)
         joints_m, _ = refit_limbs(fitted_m, last.joints_m, grid, body, stride)
         self.state = self._next_state(fit(joints_m, grid, body, FINAL_ITERATIONS), depth_m, grid)
@@ -155,11 +163,16 @@ class Tracker:
         self._person.update(self.state.joints_m, grid)
         return self._joints_and_confidence(grid)
 
-    def miss(self) -> None:
+    def miss(self, time_s: float | None = None) -> None:
         """Goes on to the next frame, which does not show the person: as `track` with an empty image."""
-        self._empty_frames += 1
-        if self._empty_frames >= LOST_FRAMES and self.ways != "label":  # a start that was given is not found again
+        self._missing_s += self._elapsed_s(time_s)
+        if self._missing_s > LOST_S and self.ways != "label":  # a start that was given is not found again
             self.state = None
+
+    def _elapsed_s(self, time_s: float | None) -> float:
+        """Seconds between the image before and the next one; FRAME_S where one's time is not known, 0 of a clock put back."""
+        before_s, self._time_s = self._time_s, time_s
+        return FRAME_S if before_s is None or time_s is None else max(time_s - before_s, 0.0)
 
     def _joints_and_confidence(self, grid: DepthGrid) -> tuple[np.ndarray, np.ndarray]:
         """(15, 3) joints of the last pose and (15,) confidence."""

@@ -200,7 +200,7 @@ def test_the_frames_before_steady_a_person_at_rest_and_those_after_more_so():
 
 def test_whoever_is_beyond_the_number_of_people_is_missed_meanwhile(monkeypatch):
     missed = []
-    monkeypatch.setattr(DetectedPerson, "miss", lambda self: missed.append(self.camera))
+    monkeypatch.setattr(DetectedPerson, "miss", lambda self, time_s: missed.append(time_s))
     first, second = (Human(number, (0, 0, 80, 60), person(column), np.zeros(3)) for number, column in enumerate((20, 50)))
     shown = iter([[second], [first, second], [second]])
     finder = SimpleNamespace(camera=CAMERA, extract=lambda depth_m, time_s: next(shown))

@@ -6,6 +6,7 @@ import numpy as np
 from two_people_files import CAMERA, draw_people
 
 from kpopnet.pose import PersonPose, PoseEstimator
+from kpopnet.sources.source import TimedDepth
 
 STILL = 6
 
@@ -69,3 +70,14 @@ def test_who_enters_is_tracked_once_whole_and_well_from_then_on() -> None:
     first = np.flatnonzero(np.isfinite(person.joints_camera_m).all(axis=(1, 2)))[0]
     assert 0 < CAMERA.project(joints[0, first])[:, 0].max() < CAMERA.width
     assert np.median(error_m(person, joints[0])[first:]) < 0.08
+
+
+def test_after_a_stall_of_the_camera_a_person_is_tracked_where_they_are() -> None:
+    """Far away they show a third of what they showed nearby, as if hidden, but the pose of three seconds ago is not held."""
+    paths = np.array([[(-0.6, 2.6)] * 4 + [(0.4, 4.0)] * 2])
+    joints, depth = film(*paths)
+    images = [np.where(image < 1000 * WALL_M, image, 0).astype(np.uint16) for image in depth]
+    times_s = np.arange(6) / 30 + np.where(np.arange(6) < 4, 0, 3)
+    recording = [TimedDepth(time_s, image) for time_s, image in zip(times_s, images, strict=True)]
+    (person,) = PoseEstimator(None, "tracker").estimate(recording, CAMERA, segmented=True)
+    assert error_m(person, joints[0]).mean(axis=1).max() < 0.1

@@ -8,10 +8,12 @@ from kpopnet.camera import CAMERAS
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, Joint
-from kpopnet.tracker.tracker import FLIP_STRIDE, LOST_FRAMES, Tracker
+from kpopnet.tracker.tracker import FLIP_STRIDE, Tracker
 from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 
 CAMERA = CAMERAS["kinect_v1"]
+LOST_FRAMES = 30
+"""Without times of images, after which a person who is missing is lost."""
 EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)
 
 
@@ -165,6 +167,35 @@ def test_who_comes_after_a_second_without_a_person_is_found_anew() -> None:
     tracker.start(first)
     tracker.track(EMPTY)
     assert tracker.started, "the images before the start do not count"
+
+
+@pytest.mark.parametrize(
+    ("fps", "missing", "lost"), [(30, 29, False), (30, 30, True), (10, 9, False), (10, 10, True), (60, 59, False)]
+)
+def test_a_person_is_lost_after_a_second_by_the_times_of_the_images(fps: float, missing: int, lost: bool) -> None:
+    tracker, times_s = Tracker(CAMERA, "standing"), 1.7e9 + np.arange(100) / fps
+    tracker.start(cone_joints(-66, 4))
+    tracker.track(draw_cones(cone_joints(-66, 4), cone_body(cone_joints(-66, 4)), CAMERA), times_s[0])
+    for time_s in times_s[1 : 1 + missing]:
+        tracker.miss(time_s)
+    assert tracker.started != lost
+    tracker.miss(0.0)
+    assert tracker.started != lost, "a clock that is put back tells nothing"
+
+
+def test_after_seconds_without_an_image_a_start_is_looked_for_and_the_pose_is_not_kept() -> None:
+    standing = cone_joints(-66, 4)
+    middle, lying = standing.mean(axis=0), standing.copy()
+    lying[:, :2] = (standing - middle)[:, :2] @ np.array([(0, 1), (-1, 0)]) + middle[:2]
+    before, after = (draw_cones(joints, cone_body(joints), CAMERA) for joints in (lying, standing))
+    errors_m = []
+    for stall_s in (0.0, 3.0):
+        tracker = Tracker(CAMERA)
+        tracker.start(lying)
+        for k in range(3):
+            tracker.track(before, k / 30)
+        errors_m.append(error_m(tracker.track(after, 3 / 30 + stall_s)[0], standing).mean())
+    assert errors_m[0] > 0.3 and errors_m[1] < 0.02
 
 
 @pytest.mark.parametrize("lost", [np.s_[:, :160], np.s_[:120]], ids=["left", "top"])
