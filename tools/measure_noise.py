@@ -50,7 +50,7 @@ TESTED = "measured"
 class Seen(NamedTuple):
     """A learner of a dance as they danced, and as sensor and estimator saw them; `fault` is what is wrong, if it is known."""
 
-    dance: str
+    dance: str  # of films and images: its path
     fault: str
     teacher: Performance
     true: Performance
@@ -92,7 +92,7 @@ def of_films(folder: Path, estimator: str) -> list[Seen]:
         teacher, true = (Performance(film[name], np.arange(len(film[name])) / film["fps"]) for name in ("teacher_m", "true_m"))
         measurements = Measured(*(film[name] for name in Measured._fields))
         joints_m, confidence = estimates[estimator](measurements, true.times_s)
-        found.append(Seen(f"{folder.name}/{number}", fault, teacher, true, Performance(joints_m, true.times_s, confidence)))
+        found.append(Seen(str(folder / number), fault, teacher, true, Performance(joints_m, true.times_s, confidence)))
     return found
 
 
@@ -107,7 +107,7 @@ def of_images(folder: Path, estimator: Estimator) -> list[Seen]:
                 raise InputError(f"{learner.path}: no true joints in it; noise is measured on simulated dances")
             joints_m, confidence = estimator.estimate(clip.depth_m, clip.camera)
             estimated = Performance(joints_m, clip.times_s, confidence)
-            found.append(Seen(f"{folder.name}/{name}", "", dance.teacher(), true, estimated))
+            found.append(Seen(str(folder / name), "", dance.teacher(), true, estimated))
     return found
 
 
@@ -258,7 +258,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     noise = measured([own_errors(one) for one in learners])._replace(spread=width)
     scores = [one._replace(uncertainty=width * one.uncertainty) for one in scores]
     for folder in given.folders if len(given.folders) > 1 else ():
-        of_it = [number for number, one in enumerate(learners) if one.dance.startswith(f"{folder.name}/")]
+        of_it = [number for number, one in enumerate(learners) if Path(one.dance).parent == folder]
         print(f"{folder}: {summary([learners[k] for k in of_it], [scores[k] for k in of_it])}")
     print(summary(learners, scores))
     print(json.dumps({given.estimator: noise._asdict()}))

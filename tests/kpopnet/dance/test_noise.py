@@ -73,3 +73,15 @@ def test_noise_is_measured_as_it_is():
     assert (kept[0] < kept[1] - 0.01).all() and (kept[1, :4] > 0.95).all()
     scores = [noise.Scored(80, 70, 84, 2), noise.Scored(90, 80, 90, 2)]
     assert noise.spread(scores) == pytest.approx(1.9) and "rms 2.8" in noise.summary([seen(0, 1)] * 2, scores)
+
+
+def test_dances_of_two_folders_of_one_name_are_two(tmp_path, capsys):
+    for number, name in enumerate("ab"):
+        one = seen(number, 0)
+        (folder := tmp_path / name / "train").mkdir(parents=True)
+        joints_m, confidence = one.estimated.joints_m, one.estimated.confidence
+        films = {"detected_m": joints_m, "fitted_m": joints_m, "detected": confidence, "fitted": confidence, "fps": FPS}
+        np.savez(folder / "dance_0_perfect_0.npz", teacher_m=one.teacher.joints_m, true_m=one.true.joints_m, **films)
+    noise.main([str(tmp_path / "a" / "train"), str(tmp_path / "b" / "train"), "--estimator", "network"])
+    told = capsys.readouterr().out
+    assert all(f"{tmp_path / name / 'train'}: 1 learners" in told for name in "ab") and "\n2 learners" in told
