@@ -407,6 +407,7 @@ export default {
   "Together": "Zusammen",
   "as one {similarity} of 100: timing {timing}, posture {posture}": "Gleichklang {similarity} von 100: Timing {timing}, Haltung {posture}",
   "not seen together for long enough": "nicht lange genug zusammen zu sehen",
+  "not graded: as recorded, the hips never move ({dancers})": "nicht bewertet: in der Aufnahme bewegt sich die Hüfte nie ({dancers})",
   "Formation": "Formation",
   "{similarity} of 100; you stood {percent} % as far apart as they do": "{similarity} von 100; eure Abstände waren {percent} % so groß wie im Vorbild",
   "a webcam follows one learner; several need a depth camera": "eine Webcam verfolgt nur eine Person; mehrere brauchen eine Tiefenkamera",

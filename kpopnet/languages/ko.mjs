@@ -407,6 +407,7 @@ export default {
   "Together": "함께",
   "as one {similarity} of 100: timing {timing}, posture {posture}": "서로 맞은 정도 {similarity}점 (100점 만점): 타이밍 {timing}, 자세 {posture}",
   "not seen together for long enough": "함께 보인 시간이 너무 짧아요",
+  "not graded: as recorded, the hips never move ({dancers})": "채점하지 않았어요: 녹화에서 골반이 전혀 움직이지 않아요 ({dancers})",
   "Formation": "대형",
   "{similarity} of 100; you stood {percent} % as far apart as they do": "100점 중 {similarity}점; 서로의 간격은 원래 춤의 {percent} %였어요",
   "a webcam follows one learner; several need a depth camera": "웹캠은 한 사람만 볼 수 있어요. 여럿이면 깊이 카메라가 필요해요",

@@ -7,6 +7,7 @@ have changed places are wrong. Of two, both are wrong by half if one stands wron
 `kpopnet.dance.dimensions.stage`: errors at its scale of place, above a group that stands as the teachers' does on average.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -26,9 +27,10 @@ MOST_SPREAD = 2.0
 class Formation(NamedTuple):
     """How a group keeps its formation."""
 
-    similarity: float  # 0 to 100
+    similarity: float  # 0 to 100; NaN, as is the spread, where the recordings hold no places
     spread: float  # distances between the learners, 1 for as far apart as the teachers
     remarks: list[tuple[int, float, Said]]  # member, from 0; seconds of the dance; "0.8 m too far left", on the teachers' stage
+    centred: tuple[str, ...] = ()  # of teacher and learner, of whom a member's joints are about the hips: no place is known
 
 
 def formation(teachers: Sequence[Performance], learners: Sequence[Performance], free_s: Stretches = ()) -> Formation | None:
@@ -45,11 +47,14 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance], 
     if not len(at_s):
         return None
     stances = [stance(resampled(one.joints_m, one.confidence, one.times_s, at_s)[0]) for one in both]
+    groups = {"teacher": stances[: len(teachers)], "learner": stances[len(teachers) :]}
+    if centred := tuple(name for name, group in groups.items() if any(one.is_centred for one in group)):
+        return Formation(math.nan, math.nan, [], centred)
     places_m = np.array([np.stack([one.hips_m[:, 0], -one.hips_m[:, 2]], axis=1) for one in stances])  # to the left, forward
     for begin_s, end_s in free_s:
         places_m[:, (at_s >= begin_s) & (at_s < end_s)] = np.nan
     known = np.isfinite(places_m).all(axis=(0, 2))
-    lengths_m = [one.length_m for one in stances[: len(teachers)] if np.isfinite(one.length_m)]
+    lengths_m = [one.length_m for one in groups["teacher"] if np.isfinite(one.length_m)]
     if known.sum() < WINDOW_S * FPS or not lengths_m:
         return None
     goal_m, danced_m = (one - one.mean(axis=0) for one in (places_m[: len(teachers)], places_m[len(teachers) :]))

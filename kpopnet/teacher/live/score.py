@@ -235,7 +235,8 @@ def together(members: list[dict[str, np.ndarray]], free_s: Stretches) -> dict | 
 
 
 def kept_formation(dancers: list[TaughtDance], members: list[dict[str, np.ndarray]]) -> dict | None:
-    """How learners kept a group's formation, see `formation`; None where that cannot be told. `members` as for `together`.
+    """How learners kept a group's formation, see `formation`, or why it is not graded; None where they were not seen together
+    for long enough. `members` as for `together`.
 
     The group's first dancer says what is free.
     """
@@ -245,6 +246,9 @@ def kept_formation(dancers: list[TaughtDance], members: list[dict[str, np.ndarra
         return None
     if (found := formation([one.performance for one in dancers], learners, dancers[0].about.free_s)) is None:
         return None
+    if found.centred:
+        text = "not graded: as recorded, the hips never move ({dancers})"
+        return {"why_not": Said(text, dancers=[Said(name) for name in found.centred])}
     remarks = [
         {"member": member, "text": Said("{what} {when}", what=text, when=at([at_s]))} for member, at_s, text in found.remarks
     ]

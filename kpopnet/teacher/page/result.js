@@ -49,7 +49,7 @@ function beside({ total, members = [], together: common, formation }, identity) 
 
 // How a group kept its places relative to each other.
 function formationOf(kept) {
-  if (!kept) return [el("p", { id: "formation" }, say("not seen together for long enough"))];
+  if (!kept || kept.why_not) return [el("p", { id: "formation" }, say(kept ? kept.why_not : "not seen together for long enough"))];
   const told = kept.remarks.map(({ member, text }) => el("li", {}, swatch(OF_LEARNERS[member]), say(text)));
   return [el("p", { id: "formation" }, say("{similarity} of 100; you stood {percent} % as far apart as they do",
     { similarity: Math.round(kept.similarity), percent: Math.round(100 * kept.spread) })), told.length ? el("ul", { class: "list" }, ...told) : ""];

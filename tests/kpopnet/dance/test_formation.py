@@ -73,6 +73,16 @@ def test_who_is_not_seen_together_for_a_window_is_not_graded():
     assert formation([performed(one) for one in group()], late) is None
 
 
+@pytest.mark.parametrize("centred", [("teacher",), ("learner",), ("teacher", "learner")])
+def test_joints_about_the_hips_hold_no_places(centred):
+    """As MediaPipe's world landmarks: all members dance in one point, which would be a right formation or a wrong one."""
+    groups = {name: group() for name in ("teacher", "learner")}
+    for name in centred:
+        groups[name] = [one - one[:, HIPS].mean(axis=1, keepdims=True) for one in groups[name]]
+    found = formation(*([performed(one) for one in dancers] for dancers in groups.values()))
+    assert found.centred == centred and np.isnan([found.similarity, found.spread]).all() and not found.remarks
+
+
 def test_a_group_is_as_large_as_those_of_its_teachers_whose_feet_are_seen():
     teachers = group()
     teachers[0] = teachers[0].copy()
