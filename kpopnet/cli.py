@@ -17,7 +17,7 @@ PROGRAMS = {
     "describe": ("kpopnet.datasets.describe", "lists the ids of EVAL's joints or SMMC-10's markers"),
     "export": ("kpopnet.programs.export", "writes a network as an ONNX file"),
     "teach": ("kpopnet.programs.teach", "opens the dance teacher: a page that shows a dance and scores the learner"),
-    "live": ("kpopnet.programs.live", "shows everybody before a depth camera, live; streams joints, records"),
+    "live": ("kpopnet.programs.live", "shows all people before a depth camera, live; streams joints, records"),
     "rate": ("kpopnet.programs.rate", "collects people's judgements of learners in a set of dances, and says how they agree"),
     "stages": ("kpopnet.programs.stages", "draws how the tracker follows one frame, stage after stage"),
 }

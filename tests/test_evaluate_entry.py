@@ -41,7 +41,7 @@ def test_a_report_is_written_where_hydra_is_told_to_with_the_baseline_beside_the
     assert done.returncode == 0, done.stderr
     found = json.loads((place / "out" / "metrics.json").read_text())
     assert list(found["estimators"]) == ["network", "tracker", "mean_pose"] and found["estimator"] == "network"
-    # The tracker needs no checkpoint. Nobody takes the Y pose or stands: without a label it would wait to the end.
+    # The tracker needs no checkpoint. No person takes the Y pose or stands: without a label it would wait to the end.
     assert found["files"]["tracker"] == {} and found["benchmark"]["started_from_label"] == ["tracker"]
     assert found["estimators"]["tracker"]["missing_joints"] < 15 * found["images"]
     assert found["mean_pose_error_cm"] == found["estimators"]["mean_pose"]["mean_error_cm"] > 0

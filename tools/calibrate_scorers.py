@@ -55,7 +55,7 @@ COPY, STANDING, ANOTHER = 96.0, 20.0, 30.0
 """Bounds: least score of a copy, and of standing still and another dance what 95 % of the dances have to stay below."""
 
 LATE = {0.1: (85.0, 98.0), 0.2: (65.0, 92.0), 0.3: (40.0, 80.0), 0.5: (0.0, 30.0)}
-"""Bounds of the score of a copy that is so many seconds late: what tests/kpopnet/dance/test_learners.py holds of ours."""
+"""Bounds of the score of a copy by the seconds that it is late: what tests/kpopnet/dance/test_learners.py holds of ours."""
 
 PLACE_DEG = 15.0
 

@@ -127,7 +127,7 @@ class Looks:
 def kinds_of(humans: list[Human], torsos_m: np.ndarray) -> list[int]:
     """What each of the finder's people is, given the (P, 3) true torsos.
 
-    A person whom nobody else is nearer to; no person where all torsos are far, or another one has the nearest: a second one on
+    A person whom no other is nearer to; no person where all torsos are far, or another one has the nearest: a second one on
     the same body is none. Who is found with the centre somewhat off is neither.
     """
     apart_m = np.linalg.norm(np.reshape([human.centre_m for human in humans], (-1, 1, 3)) - torsos_m, axis=-1)

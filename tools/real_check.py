@@ -134,7 +134,7 @@ def program() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("checkpoint", help="folder of a network")
     parser.add_argument("--real", type=Path, required=True, help="folder with UTD-MHAD/ and itop_side_test_3frames.npz")
-    parser.add_argument("--every", type=int, default=4, help="judge every so many frames")
+    parser.add_argument("--every", type=int, default=4, help="judge one in this number of frames")
     parser.add_argument("--bodies", type=int, default=24, help="frames of each person that the body is fitted to")
     parser.add_argument("--out", type=Path, help="folder for real_check.json")
     arguments = parser.parse_args()

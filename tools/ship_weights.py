@@ -133,7 +133,7 @@ def texts_in(value: Any) -> Iterator[str]:
 
 
 def changes_mm(one: NetworkEstimator, other: NetworkEstimator, path: Path, images: int) -> np.ndarray:
-    """Distances in mm between the joints by two networks, in about so many images of a frozen set."""
+    """Distances in mm between the joints by two networks, in about this number of images of a frozen set."""
     benchmark, changes, seen = SyntheticBenchmark(BenchmarkConfig("synthetic", str(path))), [], 0
     for name in benchmark.sequence_names():
         sequence = benchmark.read(name)

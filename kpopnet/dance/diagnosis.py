@@ -27,9 +27,9 @@ MIN_GAIN, MIN_CORRECTED = 15.0, 40.0
 """A fault is reported if its correction raises the similarity by at least the first, in points, to at least the second."""
 
 SURE_GAIN, LOSING, SURE_DELAY_S, SURE_RATE = 30.0, 0.1, 1.0, 1.15
-"""It is corrected if that gains at least so many points, and at most this fraction of the windows loses: who mirrors a part of
-the dance makes a mistake. A shorter delay may be the dancer's, who is late or early; a rate that is nearer to 1 too, who dances
-too fast or too slowly."""
+"""It is corrected if that gains at least the first, in points, and at most this fraction of the windows loses: who mirrors a
+part of the dance makes a mistake. A shorter delay may be the dancer's, who is late or early; a rate that is nearer to 1 too,
+who dances too fast or too slowly."""
 
 SEARCH_FPS, SEARCH_S = 5.0, 30.0
 """Frame rate of the search for the best clock, and the greatest delay that it looks at."""

@@ -1,1 +1,1 @@
-"""Finds everybody in one depth image, learnt from simulated scenes."""
+"""Finds all people in one depth image, learnt from simulated scenes."""

@@ -1,4 +1,4 @@
-"""The finder: everybody in one depth image of any scene before any camera, and who is who in films."""
+"""The finder: all people in one depth image of any scene before any camera, and who is who in films."""
 
 from dataclasses import dataclass, replace
 from functools import cache

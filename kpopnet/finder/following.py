@@ -17,7 +17,7 @@ MOMENTUM = 0.6
 """Share of the speed of before in that of now, after FRAME_S; its power after other times."""
 
 COASTING_S = 1 / 6
-"""A person is expected to keep their speed for this time, seconds: somebody hidden does not walk on for ever."""
+"""A person is expected to keep their speed for this time, seconds: a hidden person does not walk on for ever."""
 
 FORGOTTEN_S, FASTEST_M_PER_S = 0.35, 6.0
 """A person who was missing for longer, seconds, may be found again wherever this speed takes them, the camera's own included;
@@ -82,7 +82,7 @@ class Followed:
         self._time_s = time_s
         trusted = [track for track in self._tracks if time_s - track.certain_s < DOUBTED_S]
         doubted = [track for track in self._tracks if time_s - track.certain_s >= DOUBTED_S]
-        # Certain ones choose first: nobody is given to an uncertain one so that somebody hidden gets what is theirs.
+        # Certain ones choose first: no person is given to an uncertain one so that a hidden person gets what is theirs.
         found = _paired(trusted, centres_m, np.flatnonzero(certain).tolist(), time_s)
         left = [track for track in trusted if all(track is not one for one in found.values())]
         found |= _paired(left, centres_m, np.flatnonzero(~certain).tolist(), time_s)

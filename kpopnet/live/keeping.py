@@ -104,7 +104,7 @@ class DepthRecorder:
 
 
 class JointKeeper:
-    """Keeps the joints of everybody until they are written."""
+    """Keeps the joints of all people until they are written."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -161,5 +161,5 @@ class JointKeeper:
             raise
         self._kept = None
         if not paths:
-            return "nobody was in view: no joints were saved"
+            return "no person was in view: no joints were saved"
         return f"the joints of {len(kept)} images are in {', '.join(map(str, paths))}"

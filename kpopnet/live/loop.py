@@ -1,4 +1,4 @@
-"""Watches a camera: newest image, everybody's joints, streams and recordings; in a process of its own where a page looks on.
+"""Watches a camera: newest image, all people's joints, streams and recordings; in a process of its own where a page looks on.
 
 The server sends ("record", on), ("joints", on), ("pause", on), ("watched", on) and ("quit",). It gets a kind, its content as
 JSON, and a picture of the depth or None.
@@ -27,7 +27,7 @@ from kpopnet.teacher.live.words import rounded
 
 PICTURE_WIDTH = 320
 NOBODY_S = 3.0
-"""After this time it is taken to be warm although nobody is in view."""
+"""After this time it is taken to be warm although no person is in view."""
 
 ASK_EVERY_S = 0.1
 RATE_IMAGES = 30
@@ -52,7 +52,7 @@ Orders = Callable[[], Iterator[tuple]]
 
 
 class Watcher:
-    """Estimates everybody's joints in the newest image until the source ends or somebody quits."""
+    """Estimates all people's joints in the newest image until the source ends or the user quits."""
 
     def __init__(self, watching: Watching, tell: Tell, orders: Orders) -> None:
         """Opens the source; `tell` takes what the page shows (kind, content, picture), `orders` gives what it asks for."""
@@ -68,7 +68,7 @@ class Watcher:
         self._done: deque[float] = deque(maxlen=RATE_IMAGES)
 
     def run(self) -> None:
-        """Watches. Raises InputError where the source fails, ReaderGoneError where nobody reads the stream any more."""
+        """Watches. Raises InputError where the source fails, ReaderGoneError where no program reads the stream any more."""
         self._tell("opened", {"name": self._name, "camera": astuple(self._camera.camera)})
         try:
             with open_stream(*self._stream_to) as self._stream:
@@ -83,7 +83,7 @@ class Watcher:
     def _warm(self) -> bool:
         """Handles each image in turn until joints come in real time or it is paused.
 
-        False at the end of a recording, or where somebody quits.
+        False at the end of a recording, or where the user quits.
 
         A recording waits for this.
         """
@@ -147,7 +147,7 @@ class Watcher:
             try:
                 self._stream(seen)
             except BrokenPipeError as error:
-                raise ReaderGoneError("nobody reads the stream any more") from error
+                raise ReaderGoneError("no program reads the stream any more") from error
         if self._joints.add(seen):
             self._order(("joints", False))
             self._order(("joints", True))  # no page has asked for an end

@@ -25,7 +25,7 @@ from kpopnet.skeleton import JOINT_NAMES, Joint
 
 
 class Seen(NamedTuple):
-    """Everybody in one image."""
+    """All people in one image."""
 
     number: int  # of the image, from 0
     time_s: float  # seconds since the first one
@@ -34,11 +34,11 @@ class Seen(NamedTuple):
 
 
 Stream = Callable[[Seen], None]
-"""Sends the joints of one image; raises BrokenPipeError where nobody reads them any more."""
+"""Sends the joints of one image; raises BrokenPipeError where no program reads them any more."""
 
 
 class ReaderGoneError(InputError):
-    """Nobody reads the stream any more."""
+    """No program reads the stream any more."""
 
 
 PORTS = {"osc": 9000, "vmc": 39539}
@@ -60,7 +60,7 @@ def open_stream(kind: str | None, port: int | None = None) -> Iterator[Stream | 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
 
         def send(packet: bytes, number: int = 0) -> None:
-            # Nobody listens yet, or all ports up to the last one are taken, some by people who have just left.
+            # No program listens yet, or all ports up to the last one are taken, some by people who have just left.
             with contextlib.suppress(ConnectionRefusedError, OverflowError):
                 udp.sendto(packet, (LOOPBACK, (port or PORTS[kind]) + number))
 
@@ -72,14 +72,14 @@ def _one(seen: Seen, person: PersonPose) -> Performance:
 
 
 def _write_json(seen: Seen) -> None:
-    """One line an image: its number, time_s, delay_ms, and of everybody in view the identity and the joints."""
+    """One line an image: its number, time_s, delay_ms, and of every person in view the identity and the joints."""
     people = [{"identity": one.identity, "joints": next(json_frames(_one(seen, one)))["joints"]} for one in seen.people]
     head = {"image": seen.number, "time_s": round(seen.time_s, 6), "delay_ms": round(seen.delay_ms, 1)}
     print(json.dumps(head | {"people": people}, allow_nan=False), flush=True)
 
 
 def _csv_writer() -> Stream:
-    """A header with the first image, then a line for everybody in each image; an image without anybody has none."""
+    """A header with the first image, then a line for every person in each image; an image without people has none."""
     rows = csv.writer(sys.stdout, lineterminator="\n")
     header = [("image", "identity", "delay_ms", *CSV_COLUMNS)]
 
@@ -115,7 +115,7 @@ def bundle(messages: Sequence[bytes]) -> bytes:
 
 
 def _osc_sender(send: Callable[[bytes], None]) -> Stream:
-    """Of each image /kpopnet/image, then for everybody a bundle of /kpopnet/person/IDENTITY/JOINT."""
+    """Of each image /kpopnet/image, then for every person a bundle of /kpopnet/person/IDENTITY/JOINT."""
 
     def stream(seen: Seen) -> None:
         send(message("/kpopnet/image", seen.number, float(seen.time_s), float(seen.delay_ms), len(seen.people)))
@@ -144,7 +144,7 @@ BONES = {
 
 
 class VmcPerformers:
-    """Sends everybody as bone rotations. The protocol knows one performer a port: each gets one of its own."""
+    """Sends every person as bone rotations. The protocol knows one performer a port: each gets one of its own."""
 
     def __init__(self, send: Callable[[bytes, int], None]) -> None:
         """`send` sends a packet to the performer of a number, from 0."""
@@ -155,7 +155,7 @@ class VmcPerformers:
         self._origins_cm: dict[int, np.ndarray] = {}
 
     def send(self, seen: Seen) -> None:
-        """Sends the bones of everybody in view whose joints have all been seen."""
+        """Sends the bones of all people in view whose joints have all been seen."""
         for identity in [one for one, time_s in self._seen_s.items() if seen.time_s - time_s > FORGOTTEN_S]:
             for known in (self._numbers, self._seen_s, self._last_m, self._origins_cm):
                 known.pop(identity, None)

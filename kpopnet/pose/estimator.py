@@ -201,6 +201,6 @@ def _needed_image(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera
 
 
 WHY_NOBODY = (
-    "does it show at least half of somebody, within about 7 m, and are the camera's intrinsics right? For depth that shows "
+    "does it show at least half of a person, within about 7 m, and are the camera's intrinsics right? For depth that shows "
     "nothing but one person: segmented=True"
 )

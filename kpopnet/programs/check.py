@@ -97,8 +97,8 @@ class Answer(NamedTuple):
     delay_s: float  # from then until the answer; NaN where images did not come in real time
     processor_s: float  # processor time of this process for the answer
     depth_m: np.ndarray | None  # the image, (H, W) metres; None once it is collected
-    people: list[PersonPose]  # everybody who was found
-    learner: PersonPose | None  # the main person, None if nobody is
+    people: list[PersonPose]  # all people who were found
+    learner: PersonPose | None  # the main person, None if no person is
 
 
 def answers(images: NewestImage, camera: Camera, estimator: PoseEstimator) -> Iterator[Answer]:
@@ -184,7 +184,7 @@ class Collected:
 
 
 def warm_up(source: DepthSource, estimator: PoseEstimator) -> None:
-    """Compiles what the estimator needs, with images of somebody who stands still, and has it forget them."""
+    """Compiles what the estimator needs, with images of a person who stands still, and has it forget them."""
     steady, warm, first_s, begin_s = 0, 0, None, step_s("stand still")[0]
     for time_s, depth_m in source.timed():
         first_s = time_s if first_s is None else first_s  # of any clock
@@ -231,7 +231,9 @@ def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
             steady = steady + 1 if answer.people and answer.delay_s < STEADY_S else 0
             if steady == STEADY_FRAMES or time.monotonic() - began > NOBODY_PATIENCE_S + kernels.count:
                 break
-        print(f"{'you are found' if steady else 'nobody was found'}; leave the camera's view within {READY_S:g} s", flush=True)
+        print(
+            f"{'you are found' if steady else 'no person was found'}; leave the camera's view within {READY_S:g} s", flush=True
+        )
         longer_s = max(60 * given.empty - step_s("come in")[0], 0.0)
         start, dropped = time.monotonic() + READY_S + longer_s, images.dropped
         for answer in stream:

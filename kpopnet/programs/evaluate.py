@@ -32,7 +32,7 @@ Its Table 2, dance scores against experts' order, on simulated dances (docs/danc
     python evaluate.py benchmark=kpop_sim 'estimator=[]' benchmark.dances=10 benchmark.dance=dance_007 'scorer=[raptis]'
     python evaluate.py benchmark=kpop benchmark.path=PATH 'estimator=[]'                            # docs/kpop_format.md
 
-Everybody in films of two people, and in films and single images of any number of people in any room:
+All people in films of two people, and in films and single images of any number of people in any room:
 
     python evaluate.py benchmark=two_people 'estimator=[tracker,realtime]'
     python evaluate.py benchmark=rooms 'estimator=[realtime,best]'

@@ -1,4 +1,4 @@
-"""Shows everybody before a depth camera, live: depth and skeletons in the browser, joints for other programs, recordings.
+"""Shows all people before a depth camera, live: depth and skeletons in the browser, joints for other programs, recordings.
 
     kpopnet live realsense                                opens the page; the keys R, J and space record and pause
     python feed.py | kpopnet live -                       depth that another program sends, of any other camera

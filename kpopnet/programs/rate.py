@@ -8,7 +8,7 @@ FOLDER is in the K-Pop format (docs/kpop_format.md); labels.csv may be missing. 
 scores. Their answers are kept one by one in FOLDER/ratings/RATER.json, so a rater may stop and go on at any time. Learners
 without true joints are shown with joints by the network of the package, which are estimated once before the page opens.
 
-Without recordings, try it on simulated dances (which nobody danced):
+Without recordings, try it on simulated dances (which no person danced):
 
     python -m synth benchmark=kpop_sim benchmark.dances=6 out=data/rate_me
     kpopnet rate data/rate_me

@@ -43,8 +43,8 @@ def write_json(path: Path, content: Any, allow_nan: bool = True) -> None:
 
 
 def remove_unfinished(folder: Path, pattern: str | None = None) -> None:
-    """Removes hidden files that killed processes left: those of a pattern, to which nobody writes just now, and whatever else
-    processes of this machine left in the folder that have ended, where /proc tells.
+    """Removes hidden files that killed processes left: those of a pattern, to which no process writes just now, and whatever
+    else processes of this machine left in the folder that have ended, where /proc tells.
     """
     unfinished = set(folder.glob(pattern) if pattern else ())
     if Path("/proc/self").exists():

@@ -104,7 +104,7 @@ def host(
     keys = None if is_loopback(given.host) else Keys()
     app = make((*LOOPBACK_NAMES, given.host.lower()), keys)
     app.on_startup.extend(at_start)
-    late = threading.Timer(end_s, os._exit, (0,))  # a thread that reads what somebody sent would be waited for
+    late = threading.Timer(end_s, os._exit, (0,))  # a thread that reads what a page sent would be waited for
     late.daemon = True
     try:
         asyncio.run(_serve(app, given, partial(print, greeting, file=out, flush=True), keys, late.start))

@@ -63,7 +63,7 @@ def _now_ms() -> float:
 
 
 async def converse(request: web.Request, open_page: Callable[..., Page], most_bytes: int) -> web.WebSocketResponse:
-    """Opens a page with its socket, and follows its messages, of at most so many bytes, until it leaves."""
+    """Opens a page with its socket, and follows its messages, of at most this number of bytes, until it leaves."""
     sockets = request.app[SOCKETS]
     if len(sockets) >= MOST_PAGES:
         raise web.HTTPServiceUnavailable(text=f"{MOST_PAGES} windows are open; close one of them\n")

@@ -25,7 +25,7 @@ MAX_LETTERS = 40
 
 @dataclass(frozen=True)
 class Profile:
-    """What is kept of somebody beside their tries."""
+    """What is kept of a person beside their tries."""
 
     name: str  # as they are greeted, 1 to MAX_LETTERS letters
 

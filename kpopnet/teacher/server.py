@@ -148,7 +148,7 @@ async def body(request: web.Request) -> web.Response:
 
 @routes.get("/api/history/{dance}")
 async def history(request: web.Request) -> web.Response:
-    """The tries of a dance by the profile `who`, or by nobody's."""
+    """The tries of a dance by the profile `who`, or those without a profile."""
     tries, who = request.app[TEACHING].tries, request.query.get("who", "")
     return web.json_response(await asyncio.to_thread(tries.history, request.match_info["dance"], who))
 

@@ -57,7 +57,7 @@ class Tries:
                 np.savez_compressed(file, **arrays)
             with atomic_path(place / f"{name}.json") as part:
                 part.write_text(json.dumps(result | {"session": name}, allow_nan=False, ensure_ascii=False), encoding="utf-8")
-        except BaseException:  # nobody could delete joints without a result
+        except BaseException:  # joints without a result could not be deleted
             (place / f"{name}.npz").unlink(missing_ok=True)
             raise
         return name
@@ -69,7 +69,7 @@ class Tries:
             path.unlink(missing_ok=True)
 
     def remove_unfinished(self) -> None:
-        """Deletes what killed programs left: hidden files, and joints whose result never came, of which nobody knows whose."""
+        """Deletes what killed programs left: hidden files, and joints whose result never came: whose they are is not known."""
         for dance in self.dances():
             remove_unfinished(self.folder / dance)
             for path in (self.folder / dance).glob("*.npz"):

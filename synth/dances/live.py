@@ -39,7 +39,7 @@ STEPS = (1.0, 0.5, 0.0)
 """A learner for whom the camera's view is too small takes smaller steps, in the end none: the pose is what is scored."""
 NEAR_M, FAR_M = 1.3, 2.6
 """Distances from the camera of a learner whose feet it does not see, and of one who finds no place, metres."""
-AWAY_M = np.array([50.0, 50.0, 0.0])  # where somebody is whom the camera does not see
+AWAY_M = np.array([50.0, 50.0, 0.0])  # where a person is whom the camera does not see
 LIMBS = {"arm": ("Shoulder", "Arm", "ForeArm", "Hand"), "leg": ("UpLeg", "Leg", "Foot")}
 
 

@@ -194,4 +194,4 @@ CLUTTER: tuple[Clutter, ...] = (
     drape, row_of_parts, row_of_parts, assembly, assembly, assembly,
 )  # fmt: skip
 """What rooms of training have: known things, and things of no known kind, from which the finder learns that what has no human
-shape is nobody, whatever it is."""
+shape is no person, whatever it is."""

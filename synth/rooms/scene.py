@@ -37,7 +37,7 @@ HEIGHT_M, MOST_PITCH_DEG = (0.3, 3.0), 50.0
 DISTANCE_M = (0.5, 7.0)
 FRAMED, FRAMED_DISTANCE_M, FRAMED_MARGIN, CUT_MARGIN = 0.5, (1.6, 5.5), 0.2, -0.1
 """In this share of the scenes people stand at such a distance, and their middle lies this share of the image from its border,
-as before a camera that somebody set up; in the others they may be anywhere, half outside the image."""
+as before a camera that a person set up; in the others they may be anywhere, half outside the image."""
 
 NEAREST_M = 0.35  # least distance from the camera to anything that is drawn
 PLACE_TRIES, CLUTTER_TRIES = 12, 3
@@ -236,7 +236,7 @@ def draw_camera(rng: np.random.Generator, most_px: tuple[int, int]) -> Camera:
 
 
 def draw_view(rng: np.random.Generator) -> View:
-    """A camera pose: most cameras aim at where people are, as those do that somebody mounted; the others look anywhere."""
+    """A camera pose: most cameras aim at where people are, as those do that a person mounted; the others look anywhere."""
     height_m = rng.uniform(*HEIGHT_M)
     if rng.random() < 0.6:
         pitch = np.arctan2(height_m - rng.uniform(0.4, 1.4), rng.uniform(1.5, 4.0))

@@ -42,7 +42,7 @@ STAGE_M, SEAT_M = ((-3.4, 3.4), (2.0, 3.7)), ((-0.4, 0.4), (3.7, 4.4))
 
 LEAST_BOXES, ROOM_TRIES = 4, 20000  # of furniture in a room; rooms tried
 VIEW = ViewConfig(height_m=(0.9, 1.3), aim_m=(0.95, 1.1), roll_deg=1.0)
-SWAY_DEG = 0.2  # amplitude of the sway of somebody who stands still
+SWAY_DEG = 0.2  # amplitude of the sway of a person who stands still
 BPM = 120.0  # two steps a second, a usual cadence of walking
 STEP_BACK_M = 0.35  # how far the feet of the sitting person are behind the place where they stood
 SIT_KEYS = {"hips_z": -0.40, "drop": 0.43, "hips_pitch": -4.0}

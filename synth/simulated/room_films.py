@@ -49,7 +49,7 @@ MOST_PENETRATION_M = 0.09
 LEAST_CLUTTER, MOST_CLUTTER, CLUTTER_GAP_M = 4, 8, 0.1
 """Least number of things drawn for empty rooms, greatest of any, and their distance from people."""
 
-HIDDEN_BEHIND = 0.15  # least share of somebody behind furniture that is hidden in the middle of the film
+HIDDEN_BEHIND = 0.15  # least share of a person behind furniture that is hidden in the middle of the film
 
 
 class Actor(NamedTuple):
@@ -260,7 +260,7 @@ class RoomFilms(SequenceGenerator):
 
 
 def _shows(kind: str, take: RoomTake) -> bool:
-    """Whether at least half of somebody shows in the middle of the film, and whether furniture hides a part where it should."""
+    """Whether at least half of a person shows in the middle of the film, and whether furniture hides a part where it should."""
     clear = next(render(take, range(len(take) // 2, len(take) // 2 + 1)))
     share = pixels_of_people(clear.labels, len(clear.whole_px)) / np.maximum(clear.whole_px, 1)
     return bool(share.max() >= 0.5 and (kind != "behind_furniture" or share.min() <= 1 - HIDDEN_BEHIND))

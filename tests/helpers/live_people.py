@@ -18,7 +18,7 @@ FRAMES, FPS = 46, 15.0
 def write_recording(folder: Path) -> np.ndarray:
     """Writes folder/two.npz; its (T, H, W) uint16 millimetres.
 
-    Everybody ends where they began, so that in a loop they stay who they are; each image has a first pixel of its own.
+    Every person ends where they began, so that in a loop they stay who they are; each image has a first pixel of its own.
     """
     way = two_people_mm(FRAMES // 2 + 1)
     images = np.concatenate([way, way[-2:0:-1]])

@@ -70,7 +70,7 @@ def environment() -> dict[str, str]:
 
 
 def ranks(processes: int) -> list[dict[str, str]]:
-    """The environments that torchrun would give to so many processes."""
+    """The environments that torchrun would give to a number of processes."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = str(free.getsockname()[1])
     own = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": port, "WORLD_SIZE": str(processes), "LOCAL_WORLD_SIZE": str(processes)}
@@ -80,7 +80,7 @@ def ranks(processes: int) -> list[dict[str, str]]:
 def run_program(
     script: str | Path, place: Path, *words: object, processes: int = 0, most_bytes: int = -1
 ) -> subprocess.CompletedProcess:
-    """Runs a script, by default of the repository, or with "-m" a module, in `place`; in so many processes, as torchrun; if
+    """Runs a script, by default of the repository, or with "-m" a module, in `place`; in a number of processes, as torchrun; if
     wanted with a limit on the size of every file, which stands for a full disk."""
     command = [script if script == "-m" else str(ROOT / script), *map(str, words)]
     environments = ranks(processes) if processes else [environment()]
@@ -96,7 +96,7 @@ def ended(process: int) -> bool:
     for _ in range(600):
         try:
             os.kill(process, 0)
-            if Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z":  # nobody waits for it
+            if Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z":  # no process waits for it
                 return True
         except (ProcessLookupError, FileNotFoundError):
             return True

@@ -8,7 +8,7 @@ FRAMES = 50
 
 
 def person(heading_rad: float = 0.0, unit_m: float = 1.0, z_up: bool = False) -> dict[str, np.ndarray]:
-    """(T, 3) positions of a person whose right hand rises, by the joints' names, in a unit of so many metres.
+    """(T, 3) positions of a person whose right hand rises, by the joints' names, in a unit of a number of metres.
 
     At heading 0 the person faces +z, before `z_up` makes z point up instead of y.
     """

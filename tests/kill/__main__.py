@@ -104,7 +104,7 @@ class Runs:
         return failed
 
     def kill_until_done(self, folder: Path, most: int) -> None:
-        """Kills one run, at most so many times, until it is done."""
+        """Kills one run, at most this number of times, until it is done."""
         starts = 0
         while self.kills < most:
             kind = min(self._kinds, key=lambda one: self.counts[one])

@@ -1,4 +1,4 @@
-"""What the dance teacher keeps: adds dances of the user's own, and saves tries, until there are so many of each.
+"""What the dance teacher keeps: adds dances of the user's own, and saves tries, until there is the wanted number of each.
 
     python -m tests.kill.lessons FOLDER BODY COUNT
 

@@ -87,7 +87,7 @@ THRONG, THRONG_S = 100, 2.0
 
 
 async def attack(port: int, rate: float, answered: Counter) -> None:
-    """Sends random requests, so many a second, and counts the answers by status."""
+    """Sends random requests at a rate per second, and counts the answers by status."""
     rng, sending, next_throng = random.Random(0), set(), time.monotonic() + 30
     while True:
         raw = random_request(rng)

@@ -90,7 +90,7 @@ def _library(folder: Path) -> Library:
 
 
 def _recording(library: Library, size: tuple[int, int], folder: Path) -> Callable[[], DepthSource]:
-    """What a camera of this size sees of somebody who dances perfectly; made once."""
+    """What a camera of this size sees of a person who dances perfectly; made once."""
     path, camera = folder / f"{size[0]}.npy", Camera.from_fov(FOV_DEG, *size)
     if not path.exists():
         dance = library.dance(DANCE)

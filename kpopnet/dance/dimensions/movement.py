@@ -117,7 +117,7 @@ def _amplitude_and_energy(directions: np.ndarray) -> np.ndarray:
 
 
 def spread_rad(joints_m: np.ndarray, frames: int) -> np.ndarray:
-    """(T,) amplitude of all limbs together within so many frames around each; NaN where one of them is missing."""
+    """(T,) amplitude of all limbs together within a number of frames around each; NaN where one of them is missing."""
     directions = limb_directions(joints_m).reshape(len(joints_m), -1)
     known = np.isfinite(directions).all(axis=1)
     directions[~known] = 0.0

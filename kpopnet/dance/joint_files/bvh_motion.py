@@ -115,7 +115,7 @@ def read_bvh_group(paths: Sequence[Path], fps: float | None = None) -> list[BvhM
 
 
 def _in_unit(motion: BvhMotion, metres: float) -> BvhMotion:
-    """A motion whose file is in units of so many metres."""
+    """A motion whose file is in units of a number of metres."""
     factor = metres / motion.metres
     return replace(motion, metres=metres, root_m=factor * motion.root_m, leg_m=factor * motion.leg_m)
 

@@ -24,7 +24,7 @@ _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scal
 
 
 def read_gltf(path: Path) -> NamedPoints:
-    """The joints of the skeleton of a glTF file, metres, y up; raises InputError if it is damaged or nobody moves in it."""
+    """The joints of the skeleton of a glTF file, metres, y up; raises InputError if it is damaged or no person moves in it."""
     with parsing(path, "not a readable glTF 2.0 file"), np.errstate(over="raise", invalid="raise"):
         file = _File(path)
         parents, names = file.tree()

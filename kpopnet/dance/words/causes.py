@@ -37,7 +37,7 @@ FITS_BETTER, NO_BETTER = 0.6, 0.85
 which on the fit of the same time is none."""
 
 STRIDE = 3
-"""Of the frames that are compared one in so many is taken: 10 a second."""
+"""Of the frames that are compared one in this number is taken: 10 a second."""
 
 SMALL, SOFT, REDUCED_LIMBS = 0.8, 0.9, 0.75
 """Ratio to the teacher's below which amplitude is too small, and sharpness too soft, and least share of the limbs in which it

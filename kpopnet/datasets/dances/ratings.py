@@ -92,7 +92,7 @@ def write_ratings(path: Path, answers: list[Answer]) -> None:
 
 
 def read_all_ratings(folder: Path, dances: dict[str, list[str]]) -> dict[str, list[Answer]]:
-    """The answers of every rater of a set, by name; raises as `read_ratings`, or if nobody has rated anything."""
+    """The answers of every rater of a set, by name; raises as `read_ratings`, or if no person has rated anything."""
     paths = sorted((folder / RATINGS).glob("[!.]*.json"))
     check_names(str(folder / RATINGS), [path.name for path in paths])
     found = {path.stem: read_ratings(path, dances) for path in paths}

@@ -16,7 +16,7 @@ LEGS = tuple(joint for joint in Joint if joint.name.endswith(("HIP", "KNEE", "FO
 
 STALE_S = 0.15
 AWAY_S = 1.0
-"""Somebody who was out of view for so long has left."""
+"""A person who was out of view for so long has left."""
 
 CENTRE_M = 0.3
 """Where the truth is known, joints whose mean is farther than this from the person's are those of something else."""
@@ -79,8 +79,8 @@ def script_fault(run: Watched) -> str:
     if not (run.in_view | run.empty).any():
         return "no image has a measured pixel; is the lens covered?"
     if run.truth_m is None and 2 * sum(bool(run.people_m[number]) for number in np.flatnonzero(room)) > room.sum():
-        return "somebody was found in most images of the empty room, with which it begins: the script was not followed"
-    return "" if run.in_view[still].any() else "nobody was in view while one should stand still: the script was not followed"
+        return "a person was found in most images of the empty room, with which it begins: the script was not followed"
+    return "" if run.in_view[still].any() else "no person was in view while one should stand still: the script was not followed"
 
 
 def durations_s(run: Watched) -> np.ndarray:
@@ -105,7 +105,7 @@ def stretches(flags: np.ndarray) -> list[tuple[int, int]]:
 
 
 def visits(run: Watched) -> list[tuple[int, int]]:
-    """The stretches in which somebody is in view, with what is shorter than AWAY_S between them filled."""
+    """The stretches in which a person is in view, with what is shorter than AWAY_S between them filled."""
     joined: list[tuple[int, int]] = []
     for first, last in stretches(run.in_view):
         if joined and run.times_s[first] - run.times_s[joined[-1][1] - 1] < AWAY_S:
@@ -142,7 +142,7 @@ def longest_gap_s(run: Watched) -> float:
 
 
 def false_people(run: Watched) -> list[int]:
-    """The image in which each appearance of somebody in the empty room begins."""
+    """The image in which each appearance of a person in the empty room begins."""
     return [first for first, _ in stretches(run.empty & np.array([bool(people) for people in run.people_m]))]
 
 

@@ -106,8 +106,8 @@ def blocks(source: str, is_simulated: bool, found: dict[str, Figures], remarks: 
 
 
 MEANING = (
-    f'"{BOTH}": the users\' gate and ours. "{NOT_SHOWN}": not measured, or nobody was seen, but the room was not empty for ten '
-    "minutes (--empty 10). What each line means: docs/check.md."
+    f'"{BOTH}": the users\' gate and ours. "{NOT_SHOWN}": not measured, or no person was seen, but the room was not empty for '
+    "ten minutes (--empty 10). What each line means: docs/check.md."
 )
 
 
@@ -154,10 +154,10 @@ def write(folder: Path, shown: list[str | Table], found: dict[str, Figures], run
 
 def moments(run: Watched) -> list[tuple[int, str]]:
     """The images of a run that a reader should look at, and why."""
-    shown = [(number, "nobody is there") for number in false_people(run)]
+    shown = [(number, "no person is there") for number in false_people(run)]
     shown += [(number, "sides exchanged, or back") for number in exchanges(run)]
     for first, last in gaps(run):
-        why = "taken for somebody else" if run.people_m[(first + last) // 2] else "not found"
+        why = "taken for another person" if run.people_m[(first + last) // 2] else "not found"
         shown.append(((first + last) // 2, f"{why} in {last - first} images"))
     if run.truth_m is not None and (scored := run.in_view & present(run)).any():
         numbers, errors_m = np.flatnonzero(scored), joint_errors_m(run.truth_m[scored], run.joints_m[scored])

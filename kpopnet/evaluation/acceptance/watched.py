@@ -17,11 +17,11 @@ WIDTH_PX = 160
 """Images are kept at most so wide."""
 
 NEARER_M = 0.15
-"""What is so much nearer than the empty room is somebody or something in it."""
+"""What is so much nearer than the empty room is a person or a thing in it."""
 
 IN_VIEW_M2, EMPTY_M2 = 0.2, 0.02
-"""Somebody is in view whose surface that the camera sees is at least the first; less than the second, nobody. An adult's is 0.3
-to 0.7 m2."""
+"""A person is in view whose surface that the camera sees is at least the first; less than the second, no person. An adult's
+is 0.3 to 0.7 m2."""
 
 
 class Kept(NamedTuple):
@@ -60,9 +60,9 @@ class Watched:
     processor_s: np.ndarray  # (T,) processor time that the process took for each answer, on all of its threads
     received: int  # number of images that the camera sent, those that were dropped among them
     joints_m: np.ndarray  # (T, 15, 3) joints of the main person in the camera frame, metres, NaN where missing
-    people_m: list[list[np.ndarray]]  # by number of the image, the (15, 3) joints of everybody found
-    in_view: np.ndarray  # (T,) bool, whether somebody is in view
-    empty: np.ndarray  # (T,) bool, whether certainly nobody is
+    people_m: list[list[np.ndarray]]  # by number of the image, the (15, 3) joints of all people found
+    in_view: np.ndarray  # (T,) bool, whether a person is in view
+    empty: np.ndarray  # (T,) bool, whether certainly no person is
     images: dict[int, Kept]  # those images by number that the sheet shows
     truth_m: np.ndarray | None = None  # (T, 15, 3) true joints, None where they are not known
 

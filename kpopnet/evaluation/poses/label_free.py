@@ -1,6 +1,6 @@
 """Figures of a film of joints that need no label: how well the joints agree with each other over time, and with the depth.
 
-Labels of real depth have errors of their own, which nobody knows. What stands here is necessary, not sufficient: a pose that
+Labels of real depth have errors of their own, which are not known. What stands here is necessary, not sufficient: a pose that
 never moves has the steadiest bones. It is therefore to be read beside the errors, and surface distance beside steadiness.
 """
 

@@ -89,7 +89,7 @@ class Learner:
 
 
 def choose_each(learners: list[Learner], people: list[PersonPose], now: float) -> list[PersonPose | None]:
-    """The pose of each learner, as `Learner.choose`; nobody is two of them."""
+    """The pose of each learner, as `Learner.choose`; no person is two of them."""
     poses = []
     for learner in learners:
         others = {one.identity for one in learners if one is not learner}

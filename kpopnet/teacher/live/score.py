@@ -38,8 +38,8 @@ PRAISED_FROM = 90.0
 """A move with at least this score is praised: what differs in it may be the estimator's errors."""
 
 WORDS_EVERY_S, WORDS_SHARE = 0.25, 0.1
-"""The words are new every so many seconds, and later where they would take more than this share of the time: longer dances take
-longer, and no image is scored meanwhile."""
+"""The words are new after the first, in seconds, and later where they would take more than this share of the time: longer
+dances take longer, and no image is scored meanwhile."""
 
 BRIDGE_FPS, MAX_BRIDGE_S = 15.0, 0.5
 """A slow machine drops images. Between images less than MAX_BRIDGE_S seconds of the dance apart joints are interpolated at

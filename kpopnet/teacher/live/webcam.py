@@ -42,7 +42,7 @@ class Landmarks(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What the page saw in one picture: a person or nobody, and when it was taken, seconds of `time.monotonic`."""
+    """What the page saw in one picture: a person or no person, and when it was taken, seconds of `time.monotonic`."""
 
     person: Landmarks | None
     taken: float

@@ -1,5 +1,5 @@
 // Point and hold: a raised hand of the learner moves a cursor, and what it stays on for a moment is chosen. Nothing is chosen while
-// nobody is seen or while somebody dances: a view offers nothing then.
+// no person is seen or while one dances: a view offers nothing then.
 import { liveFor } from "./live.js";
 import { Dwell, pointed } from "./pointing.js";
 import { el, remember, remembered } from "./tools.js";
@@ -58,7 +58,7 @@ export function follow(joints, mirrored, now_ms) {
   if (chosen) chosen.click();
 }
 
-// Where no images come nobody points: nothing is offered until they do, and `text` says what is the matter.
+// Where no images come no person points: nothing is offered until they do, and `text` says what is the matter.
 export function rest(text) {
   follow(null, true, performance.now());
   panel.hidden = true;

@@ -6,7 +6,7 @@ const NECK = 1, HANDS = [6, 7], HIPS = [9, 10], ASPECT = 4 / 3, SURE = 0.25;
 const SIDE = 1, TOP = -0.75, BOTTOM = 0.65, EDGE = 0.15;
 const HOLD_MS = 1200, LOST_MS = 300;
 
-// How long what an image shows has lasted since the image before: what happened in a longer gap nobody saw.
+// How long what an image shows has lasted since the image before: what happened in a longer gap was not seen.
 export const lasted_ms = (before_ms, now_ms) => (before_ms === null ? 0 : Math.min(now_ms - before_ms, LOST_MS));
 
 // Where the learner points in a picture as they see it, mirrored or not: [x, y] from 0 to 1 from the left and the top, and which hand;

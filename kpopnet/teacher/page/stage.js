@@ -216,7 +216,7 @@ export async function stage(main, identity, wanted) {
   function ready() {
     shown.preparing.hidden = true;
     if (!state.running) return undefined;
-    if (!state.place) return begin(); // somebody was
+    if (!state.place) return begin(); // a person was
     shown.beginNow.hidden = false;
     return undefined;
   }

@@ -72,7 +72,7 @@ export const PARTS = ["left arm", "right arm", "left leg", "right leg", "torso",
 
 const orangeToBlue = () => remembered("palette", "brightness") === "safe";
 
-// From orange, 0, to blue, 100, which nobody mixes up.
+// From orange, 0, to blue, 100, which are not mixed up.
 export function heat(similarity) {
   const part = clamp(similarity / 100, 0, 1), from = [230, 97, 0], to = [64, 150, 255];
   return `rgb(${from.map((value, i) => Math.round(value + part * (to[i] - value))).join(" ")})`;
@@ -87,7 +87,7 @@ export function swatch(colour) {
   return shown;
 }
 
-// The colour of a similarity from 0 to 100: brightness as in the paper, or orange to blue, which nobody mixes up.
+// The colour of a similarity from 0 to 100: brightness as in the paper, or orange to blue, which are not mixed up.
 export function shade(similarity) {
   if (similarity === undefined || similarity === null) return "#8a8694";
   const part = clamp(similarity / 100, 0, 1);

@@ -1,4 +1,4 @@
-// What is made of the scores of the moves while dancing: words, stars and the streak; whether somebody is in place to begin, or
+// What is made of the scores of the moves while dancing: words, stars and the streak; whether a person is in place to begin, or
 // asks for a pause.
 import { lasted_ms } from "./pointing.js";
 import { say } from "./words.js";

@@ -1,4 +1,4 @@
-// Everybody before a camera: depth with skeletons, skeletons in 3D, and what is recorded.
+// All people before a camera: depth with skeletons, skeletons in 3D, and what is recorded.
 import { View } from "./body.js";
 import { Figure } from "./figure.js";
 import { LearnerView } from "./learner.js";
@@ -24,8 +24,8 @@ for (const [name, order] of Object.entries(ORDERS)) {
     if (detail) order.button.blur(); // after the mouse, space pauses; after the keyboard it presses the button again
   } });
 }
-const depth = el("canvas", { id: "depth", "aria-label": "depth with everybody's skeleton" });
-const room = el("canvas", { id: "room", role: "img", "aria-label": "everybody's skeleton in 3D; the left and right keys turn the view" });
+const depth = el("canvas", { id: "depth", "aria-label": "depth with every person's skeleton" });
+const room = el("canvas", { id: "room", role: "img", "aria-label": "every person's skeleton in 3D; the left and right keys turn the view" });
 const told = el("div", { class: "guide", id: "told", role: "status" });
 const title = el("h1", {}, "kpopnet live"), numbers = el("p", { id: "numbers" });
 const people = el("ul", { class: "list", id: "people" }), said = el("ul", { class: "list quiet", id: "said", role: "log" });
@@ -88,7 +88,7 @@ function drawn(age_ms) {
   numbers.textContent = `${state.told} · drawn ${Math.round(age_ms)} ms after the image`;
 }
 
-// Everybody over the floor: in the middle of the view, which follows them slowly.
+// All people over the floor: in the middle of the view, which follows them slowly.
 function place(seen) {
   const known = seen.flatMap(({ places }) => places.filter((one) => one));
   if (known.length) {

@@ -1,4 +1,4 @@
-"""The latency of a set-up, from somebody who moves on the beat, and the tempo of a dance."""
+"""The latency of a set-up, from a person who moves on the beat, and the tempo of a dance."""
 
 import tracemalloc
 
@@ -12,7 +12,7 @@ BEAT_S = 1.0
 
 
 def moving(late_s: float, kind: str, seconds: float = 10.0, noise_m: float = 0.02):
-    """(T, 15, 3) joints of somebody who raises an arm or claps late, and (T,) times of irregular images."""
+    """(T, 15, 3) joints of a person who raises an arm or claps late, and (T,) times of irregular images."""
     rng = np.random.default_rng(5)
     times_s = np.cumsum(rng.uniform(0.02, 0.06, round(seconds / 0.04)))
     near = (1 + np.cos(2 * np.pi * (times_s - late_s) / BEAT_S)) / 2  # 1 on the beat

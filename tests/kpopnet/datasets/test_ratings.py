@@ -21,7 +21,7 @@ def test_every_pair_is_shown_once_and_one_of_each_dance_again_with_sides_swapped
     for one in again:
         before = places[one.dance, one.pair[1], False]
         assert (pairs[before].left, pairs[before].right) == (one.right, one.left)
-        assert places[one.pair] - before >= (5 if one is pairs[-1] else 8)  # nobody remembers many pairs
+        assert places[one.pair] - before >= (5 if one is pairs[-1] else 8)  # no person remembers many pairs
 
 
 @pytest.mark.parametrize("learners", [3, 4, 5])

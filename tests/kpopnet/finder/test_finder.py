@@ -70,7 +70,7 @@ def test_a_closer_look_decides_who_is_new_and_takes_part_in_who_is_followed(know
     nine, zero, doubtful = (found[0].certainty for found in seen[2:5])
     assert doubtful < zero < nine
     fresh = PersonFinder(CAMERA, FinderConfig("known"), lambda human: look(-5.0))
-    assert fresh.extract(scene()) == []  # doubtful, where nobody was before
+    assert fresh.extract(scene()) == []  # doubtful, where no person was before
 
 
 @pytest.mark.parametrize("depth_m", [np.zeros((480, 640), np.float32), np.full((480, 640), np.nan, np.float32), scene(0, 0)])

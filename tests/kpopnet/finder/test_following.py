@@ -77,7 +77,7 @@ def test_an_empty_chair_does_not_stay_a_person_for_ever():
     identities = [followed.identify(chair, CERTAIN if number == 0 else DOUBTFUL, number / 30)[0] for number in range(120)]
     times_s = np.flatnonzero(np.array(identities) != UNKNOWN) / 30
     assert np.diff(times_s).max() < 0.05 and times_s[-1] == pytest.approx(DOUBTED_S, abs=0.05)
-    assert followed.identify(chair, CERTAIN, 4.1) == [0]  # somebody sits down on it
+    assert followed.identify(chair, CERTAIN, 4.1) == [0]  # a person sits down on it
 
 
 def test_an_empty_chair_that_was_taken_for_a_person_does_not_become_the_learner():

@@ -189,7 +189,7 @@ def test_vmc_holds_a_limb_that_is_hidden_and_keeps_ports(listen):
         assert held["Hips"][0] == pytest.approx(-0.5, abs=1e-5)
         heard[1].recv(65536)
         stream(Seen(3, 9.0, 10.0, [person(5)]))  # who came second stays second for as long as the first may come back
-        stream(Seen(4, 20.0, 10.0, [person(6)]))  # and now nobody is known
+        stream(Seen(4, 20.0, 10.0, [person(6)]))  # and now no person is known
         assert heard_bones(heard[0].recv(65536))
     with open_stream("vmc", 65535) as stream:
         stream(Seen(0, 0.0, 10.0, [person(1), person(2)]))  # the second has no port

@@ -42,7 +42,7 @@ def test_without_a_person_all_is_zero(settings):
 
 
 def test_poses_are_those_of_the_people_whom_the_extraction_finds():
-    """Of a person who has not moved yet: Algorithm 1 finds nobody."""
+    """Of a person who has not moved yet: Algorithm 1 finds no person."""
     depth_m = compose(EMPTY_ROOM, standing())[None].repeat(3, axis=0)
     found = {
         name: PoseEstimator(None, "tracker", extraction=schema()).estimate(depth_m, CAMERA)

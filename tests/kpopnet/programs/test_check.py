@@ -27,7 +27,7 @@ from synth.simulated.check_sim import CheckSim, CheckSimConfig
 
 FPS, EVERY = 2.0, 15
 SHORTER = 20
-"""The script takes so many times less time where images come at their own times."""
+"""The script is shorter by this factor where images come at their own times."""
 
 
 @pytest.fixture
@@ -147,7 +147,7 @@ def shorter(monkeypatch, cheap):
 
 
 def seen(time_s: float) -> np.ndarray:
-    """(240, 320) metres: a wall, and from 0.5 s to 2.2 s and from 2.6 s on somebody before it."""
+    """(240, 320) metres: a wall, and from 0.5 s to 2.2 s and from 2.6 s on a person before it."""
     image_m = np.full((240, 320), 4, np.float32)
     if 0.5 <= time_s < 2.2 or time_s >= 2.6:
         image_m[40:220, 130:190] = 2
@@ -169,7 +169,7 @@ def test_a_recording_is_fed_at_its_own_times_also_where_the_camera_skipped_image
 
 
 class Live:
-    """A camera before which somebody follows the script, 30 images a second."""
+    """A camera before which a person follows the script, 30 images a second."""
 
     camera = CAMERAS["kinect_v1"]
 

@@ -19,7 +19,7 @@ FRAMES, CAMERA_WORDS = 8, ("--focal", CAMERA.fx)
 
 
 def recording() -> np.ndarray:
-    """(T, 120, 160) uint16 millimetres: somebody walks through a room and waves."""
+    """(T, 120, 160) uint16 millimetres: a person walks through a room and waves."""
     images = [compose(room(), shifted(standing(arms_deg=-60.0 + 10 * (k % 4)), 2 * k - 10)) for k in range(FRAMES)]
     return np.rint(1000 * np.stack(images)).astype(np.uint16)
 

@@ -197,7 +197,7 @@ def test_a_recording_waits_for_the_dance_and_runs_with_it(recording, moments):
         shown = [camera.read()[0][0, 0] for _ in range(6)]
         assert shown == pytest.approx([0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
         assert moments.monotonic() - began > 0.05 + 4 / 30
-        assert camera.read()[0][0, 0] == 3.0  # somebody who stands there
+        assert camera.read()[0][0, 0] == 3.0  # a person who stands there
         clock.stop()
         assert camera.read()[0][0, 0] == 0.5
 
@@ -236,7 +236,7 @@ def test_of_a_recording_is_seen_what_belongs_to_the_moment_of_the_dance(moments)
 
 @pytest.mark.parametrize(("speed", "too_slow"), [(1.0, True), (0.5, False)])
 def test_a_recording_that_is_read_more_slowly_than_the_dance_goes_on_says_so(moments, speed, too_slow):
-    """All images would be too late, and nobody would be seen until the dance is over."""
+    """All images would be too late, and no person would be seen until the dance is over."""
 
     def timed():
         for number in range(900):

@@ -39,7 +39,7 @@ host(make, argparse.Namespace(host=host_name, port=0, no_browser=False), "look a
 
 @contextlib.contextmanager
 def hosting(opened: Path, host: str = "127.0.0.1", files: int = 128) -> Iterator[tuple[subprocess.Popen, str]]:
-    """A server of a page in a process of its own, which may open so many files; the process and its address."""
+    """A server of a page in a process of its own, which may open this number of files; the process and its address."""
     command = [sys.executable, "-c", SERVER, host, str(files), str(opened)]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:

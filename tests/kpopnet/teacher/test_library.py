@@ -130,7 +130,7 @@ def test_frames_without_joints_are_neither_moves_nor_thumbnails(library):
     seen = replace(dance, joints_m=gaps_m)
     assert [one["at_s"] for one in moves_cm(seen)] == [one["at_s"] for one in moves_cm(dance)]
     np.testing.assert_allclose(preview_cm(seen), preview_cm(dance), atol=5)
-    gaps_m[:, Joint.HEAD] = np.nan  # which nobody ever saw
+    gaps_m[:, Joint.HEAD] = np.nan  # which was never seen
     head, torso = (np.array(preview_cm(seen)).reshape(-1, 15, 2)[:, joint] for joint in (Joint.HEAD, Joint.TORSO))
     np.testing.assert_array_equal(head, torso)
 

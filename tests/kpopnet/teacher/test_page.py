@@ -181,7 +181,7 @@ def test_the_second_visit_greets_by_name_and_a_profile_is_deleted_after_a_second
 
 
 SEEN_ALWAYS = """
-window.hand = null; // where the right hand is, in the picture; null: nobody is there
+window.hand = null; // where the right hand is, in the picture; null: no person is there
 window.asked = [];
 window.extra = {}; // what else the images tell
 window.silent = false; // no images come
@@ -215,7 +215,7 @@ window.WebSocket = class extends EventTarget {
   }
 };
 """
-"""In place of the server's lessons: joints of somebody whose right hand is where `hand` says; a pause is at the second 1."""
+"""In place of the server's lessons: joints of a person whose right hand is where `hand` says; a pause is at the second 1."""
 
 
 def write_song(path, bpm, one_s, seconds=40.0, rate=16000) -> None:
@@ -277,7 +277,7 @@ def test_a_hand_that_points_chooses_starts_and_stops_a_dance_which_a_camera_that
     find(browser, "#hands-free").click()
     until(browser, lambda one: "watch" in one.execute_script("return asked"))
     time.sleep(1)
-    assert not find(browser, "#hands").is_displayed() and not find(browser, "#hands-hint").is_displayed()  # nobody is there
+    assert not find(browser, "#hands").is_displayed() and not find(browser, "#hands-hint").is_displayed()  # no person is there
     browser.execute_script("hand = [0.4, 0.62]")
     until(browser, lambda one: find(one, "#hands-hint").is_displayed())  # hands hang
     point_at(browser, "dance_002")

@@ -114,12 +114,12 @@ def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(librar
     library.path("own_001").unlink()
     assert recorded.about.own and recorded.about.name == "Mine" and recorded.about.bpm == 90 and recorded.about.seconds >= 5
     head_m, foot_m = recorded.joints_m[:, Joint.HEAD], recorded.joints_m[:, Joint.RIGHT_FOOT]
-    assert np.nanmedian(foot_m[:, 1] - head_m[:, 1]) > 1  # y is down: somebody stands there
+    assert np.nanmedian(foot_m[:, 1] - head_m[:, 1]) > 1  # y is down: a person stands there
     assert any(name.endswith(".wasm") for name in loaded) and all(name.startswith(offering) for name in loaded)
     errors_m = []
     for stamp, seen in zip(stamps, heard, strict=False):
         for person in WebcamEstimator().update(seen.person, CAMERA):
-            # A webcam knows how far away somebody is only by how large people are: about the torso.
+            # A webcam knows how far away a person is only by how large people are: about the torso.
             found_m, expected_m = person.joints_camera_m, true_m[stamp]
             errors_m.append(np.linalg.norm(found_m - found_m[Joint.TORSO] - expected_m + expected_m[Joint.TORSO], axis=1))
     assert len(errors_m) >= 10 and len(set(stamps)) >= 5

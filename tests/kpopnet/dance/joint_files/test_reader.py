@@ -165,7 +165,7 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path):
     by_number = ["frame,landmark,x,y,z,world_x,world_y,world_z"]
     for number, points in enumerate(mediapipe().tolist()):
         lines = [f"{20 + number},{index},0.5,0.5,0,{x},{y},{z}" for index, (x, y, z) in enumerate(points)]
-        by_number += lines if number != 2 else []  # nobody was found in it
+        by_number += lines if number != 2 else []  # no person was found in it
     (tmp_path / "c.csv").write_text("\n".join(by_number))
     read = read_performance(tmp_path / "c.csv", 25)
     np.testing.assert_allclose(read.joints_m[22], expected[3], atol=1e-5)  # frames count from 1 where none is 0

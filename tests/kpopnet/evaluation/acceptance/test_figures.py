@@ -23,7 +23,7 @@ def at(seconds: float) -> int:
 
 @pytest.fixture
 def run() -> Watched:
-    """A minute without a fault: somebody is in view from 10 s to 45 s and from 52 s on, 20 ms behind."""
+    """A minute without a fault: a person is in view from 10 s to 45 s and from 52 s on, 20 ms behind."""
     times_s = np.arange(60 * FPS) / FPS
     in_view = ((times_s >= IN_VIEW_S[0]) & (times_s < IN_VIEW_S[1])) | (times_s >= AWAY_S)
     joints_m = np.where(in_view[:, None, None], PERSON_M, np.float32(np.nan))
@@ -70,7 +70,7 @@ def test_gaps_and_times_until_found(run: Watched) -> None:
     assert found["longest_gap_ms"] == pytest.approx(500)
     assert found["availability"] == pytest.approx(1 - 1.9 / 43)
     never = figures([missing(run, (52.0, 60.0))])
-    assert never["found_again_ms"] == np.inf and never["longest_gap_ms"] == 0  # it is no gap, nobody was found before
+    assert never["found_again_ms"] == np.inf and never["longest_gap_ms"] == 0  # it is no gap, no person was found before
     alone = figures([replace(run, in_view=run.in_view & (run.times_s < 50))])
     assert alone["found_again_ms"] is None and alone["found_first_ms"] == 0
 
@@ -129,7 +129,7 @@ def test_where_nobody_is_in_view_nothing_is_shown_and_the_cause_is_told(run: Wat
     alone = replace(run, in_view=nobody, empty=~nobody, joints_m=np.full_like(run.joints_m, np.nan))
     found = figures([alone])
     assert found["exchanges"] is found["longest_gap_ms"] is found["availability"] is None
-    assert script_fault(run) == "" and "nobody was in view" in script_fault(alone)
+    assert script_fault(run) == "" and "no person was in view" in script_fault(alone)
     assert "is the lens covered?" in script_fault(replace(alone, empty=nobody))
     assert "images of the empty room" in script_fault(replace(run, people_m=[[PERSON_M]] * len(run.times_s)))
 

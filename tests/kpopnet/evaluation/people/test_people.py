@@ -1,4 +1,4 @@
-"""Everybody's joints and identities: matching on made-up estimates, and the program on a film of people of cones."""
+"""All people's joints and identities: matching on made-up estimates, and the program on a film of people of cones."""
 
 import json
 from dataclasses import replace
@@ -185,7 +185,7 @@ def test_the_report_of_a_film_has_tables_pictures_and_figures(tmp_path: Path) ->
 
 
 def test_images_of_any_number_of_people_before_any_camera_are_reported(tmp_path: Path) -> None:
-    """With the extraction that was asked for: in an image alone nobody has moved, so Algorithm 1 finds nobody."""
+    """With the extraction that was asked for: in an image alone no person has moved, so Algorithm 1 finds none."""
     depth_mm, joints_m, pixels = draw_two_people(1)
     image = StoredSequence("room_0", "single image", 30.0, CAMERA, ("ann", "bob"), depth_mm, joints_m)
     both = replace(image, whole_px=pixels, seen_px=pixels)

@@ -133,7 +133,7 @@ def test_moving_joints_are_those_far_from_where_the_rest_pose_of_the_person_has_
     truth[np.arange(40) % 5 < 4, Joint.RIGHT_FOOT] = np.nan  # most labels have a gap, the rest of the pose moves as before
     truth[:, Joint.LEFT_FOOT] = np.nan
     np.testing.assert_array_equal(moving_joints(truth, np.repeat(["a", "b"], 20)), expected)
-    assert not moving_joints(truth, np.repeat("", 40)).any()  # nobody knows whose rest pose it would be
+    assert not moving_joints(truth, np.repeat("", 40)).any()  # it is not known whose rest pose it would be
 
 
 def test_a_frame_whose_label_was_given_is_not_scored():

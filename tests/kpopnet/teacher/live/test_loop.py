@@ -126,7 +126,7 @@ class Knowing:
 
 @pytest.fixture
 def held(library, monkeypatch, request):
-    """A lesson for so many learners, that is ready: a connection for its messages, and the camera."""
+    """A lesson for a number of learners, that is ready: a connection for its messages, and the camera."""
     dance, cameras = library.dance("dance_001"), []
 
     def opener(lesson, dance, clock):

@@ -21,7 +21,7 @@ function seen(place, what, from_ms, lasts_ms) {
   return [found.at(-1), found.slice(0, -1).some(Boolean)];
 }
 
-test("the dance waits for a second in place, longer where the camera sees the feet badly, for ever where nobody is", () => {
+test("the dance waits for a second in place, longer where the camera sees the feet badly, for ever where no person is", () => {
   const place = new InPlace(), good = { joints: [], guidance: "" }, hinted = { joints: [], guidance: "your feet are hidden" };
   const nobody = { joints: null, guidance: "no person seen" };
   assert.deepEqual(seen(place, nobody, 0, 60000), [false, false]);
@@ -30,7 +30,7 @@ test("the dance waits for a second in place, longer where the camera sees the fe
   assert.deepEqual(seen(new InPlace(), hinted, 0, 8000), [true, false]);
 });
 
-test("what happened between two images far apart nobody saw: nobody is in place by it, or asks for a pause", () => {
+test("what happened between two images far apart was not seen: no person is in place by it, or asks for a pause", () => {
   const place = new InPlace(), held = new HandsHeld(), good = { joints: [], guidance: "" };
   assert.ok(!place.see(good, 0) && !place.see(good, 5000) && !held.see(RAISED, 0, 1) && !held.see(RAISED, 5000, 1));
   assert.ok([10000, 15000, 20000].map((at) => place.see(good, at)).at(-1), "a slow machine takes longer");

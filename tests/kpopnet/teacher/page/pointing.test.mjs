@@ -11,7 +11,7 @@ function learner(right, left) {
   return Object.assign(joints, { 1: NECK, 6: [...right, 2, 1], 7: [...left, 2, 1], 9: HIP, 10: HIP });
 }
 
-test("a raised hand points, as in a mirror or not; a hanging one, an unsure one and nobody do not", () => {
+test("a raised hand points, as in a mirror or not; a hanging one, an unsure one and no person do not", () => {
   const down = [0.35, HANGING], up = learner([0.4, 0.3], down); // 0.4 of a length from neck to hips to the picture's left
   const right = pointed(up, true), left = pointed(up, false);
   assert.ok(right.hand === 6 && right.x > 0.6 && Math.abs(right.x + left.x - 1) < 1e-9 && right.y > 0.4 && right.y < 0.6);
@@ -20,7 +20,7 @@ test("a raised hand points, as in a mirror or not; a hanging one, an unsure one 
   assert.equal(pointed(up.with(6, [0.4, 0.3, 2, 0.1]), true), null);
   assert.equal(pointed(up.with(9, [null, null, null, 0]), true), null);
   const near = learner([0.35, 0.3], down).map(([u, v, ...rest]) => [0.5 + 2 * (u - 0.5), 0.3 + 2 * (v - 0.3), ...rest]);
-  assert.ok(Math.abs(pointed(near, true).x - pointed(learner([0.35, 0.3], down), true).x) < 1e-9); // how far away somebody stands is nothing
+  assert.ok(Math.abs(pointed(near, true).x - pointed(learner([0.35, 0.3], down), true).x) < 1e-9); // how far away a person stands is nothing
 });
 
 test("of two raised hands the higher points, or the one that did", () => {
@@ -66,5 +66,5 @@ test("a hand that is lost for a moment goes on, one that is gone begins again", 
   assert.deepEqual(chosen(dwell, [null, 500], ["a", 800], [null, 200], ["a", 700]), ["a"]);
   dwell.renew();
   assert.deepEqual(chosen(dwell, [null, 500], ["a", 800], [null, 600], ["a", 800]), []);
-  assert.deepEqual(chosen(dwell, [null, 5000]), []); // nobody is there
+  assert.deepEqual(chosen(dwell, [null, 5000]), []); // no person is there
 });

@@ -11,7 +11,7 @@ test("a point has its place in metres, in the picture, and how visible it is", (
   assert.deepEqual(pointsOf(at(0.5, 0.25)), [[0.1235, -1, 2, 0.5, 0.25, 0.8]]);
 });
 
-test("nobody has no points", () => {
+test("without a person there are no points", () => {
   assert.deepEqual(pointsOf({}), []);
 });
 
