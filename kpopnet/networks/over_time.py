@@ -7,13 +7,11 @@ a confidence. Positions are relative to the trunk's centre, in the camera's axes
 Both forms come with the package, for the modes of `kpopnet.pose`; tools/over_time.py trains and measures them.
 """
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import safetensors.numpy
 
-from kpopnet.runtime.input_files import read_with
+from kpopnet.networks.layers import Layers
 from kpopnet.skeleton import BONES, MIRROR, NUM_JOINTS, Joint
 
 TRUNK = (Joint.NECK, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP)
@@ -155,23 +153,18 @@ def _logit(chance: np.ndarray) -> np.ndarray:
     return np.log(chance / (1 - chance)) / 2
 
 
-class OverTime:
-    """The network, from its arrays by name: those of torch's Sequential of linear layers with rectifiers between them."""
+class OverTime(Layers):
+    """The network, from its arrays by name."""
+
+    OTHERWISE = "no network over time"
 
     def __init__(self, arrays: dict[str, np.ndarray]) -> None:
-        self._layers = [(arrays[f"{2 * k}.weight"].T, arrays[f"{2 * k}.bias"]) for k in range(len(arrays) // 2)]
-        self.future = self._layers[0][0].shape[0] == 2 * FEATURES
-
-    @classmethod
-    def load(cls, path: Path) -> "OverTime":
-        """The network of a safetensors file; raises InputError if it is missing, damaged or of other weights."""
-        return read_with(lambda path: cls(safetensors.numpy.load_file(path)), path, "missing, damaged, or no network over time")
+        super().__init__(arrays)
+        self.future = self.inputs == 2 * FEATURES
 
     def __call__(self, points_m: np.ndarray, differences_m: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(..., 15, 3) joints in metres and (..., 15) confidence from the results of `Averages.add` or `read`."""
-        out = seen
-        for number, (weight, bias) in enumerate(self._layers):
-            out = (np.maximum(out, 0) if number else out) @ weight + bias
+        out = self.through(seen)
         moved_m = points_m + (out[..., :-1].swapaxes(-1, -2)[..., None] * differences_m).sum(axis=-3)
         confidence = 1 / (1 + np.exp(-out[..., :-1, -1]))
         return (moved_m[..., :-1, :] + moved_m[..., -1:, :]).astype(np.float32), confidence.astype(np.float32)
