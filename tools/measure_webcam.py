@@ -4,7 +4,8 @@
     PYTHONPATH=. python tools/measure_webcam.py judge --dances 1 # other dances and people, by webcam and by depth
 
 The pictures are given to the page's own module one by one with their times, so that a busy machine loses none. Every learner's
-joints are kept in a file: what was interrupted goes on. The dances are none of the teacher's collection nor of the benchmarks.
+points are kept in a file: what was interrupted goes on, and other joints of these points need no new films. The dances are none
+of the teacher's collection nor of the benchmarks.
 """
 
 import argparse
@@ -21,8 +22,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from measure_noise import Seen, enter, measured, own_errors, scored_by_others, spread, summary
 from tqdm import tqdm
+
+from tools.measure_noise import Seen, enter, measured, own_errors, scored_by_others, spread, summary
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "helpers"))
@@ -38,17 +40,18 @@ from kpopnet.teacher.library import taught_dance  # noqa: E402
 from kpopnet.teacher.live.lesson import Lesson  # noqa: E402
 from kpopnet.teacher.live.loop import noise_of  # noqa: E402
 from kpopnet.teacher.live.score import scorer_config  # noqa: E402
-from kpopnet.teacher.live.webcam import CAMERA, WEBCAM, WebcamEstimator, read_seen  # noqa: E402
+from kpopnet.teacher.live.webcam import WEBCAM, recorded  # noqa: E402
 from synth.dances.live import LATE_S  # noqa: E402
 from synth.dances.taught import DANCES, Teacher  # noqa: E402
 
 SECONDS, STRIDE = 8.0, 2
 """Length of a learner's film, and of how many frames of the dance, 30 a second, one is filmed."""
 
-FIT_DANCES, JUDGED_DANCES = range(DANCES, DANCES + 6), range(DANCES + 20, DANCES + 24)
-FITTED = (("perfect", ""), ("good", ""))
+FIT_DANCES, JUDGED_DANCES = range(DANCES, DANCES + 6), range(DANCES + 30, DANCES + 36)
 LEVELS = ("best", "bad", "worst")
+NO_POINTS = np.full((33, 6), np.nan)
 JUDGED = (("perfect", ""), ("perfect", "left arm"), *((level, "") for level in LEVELS))
+FITTED = (*JUDGED, ("good", ""))
 
 FIND = """
 const [picture, first, step_ms, done] = arguments;
@@ -101,6 +104,15 @@ def webcam_page() -> Iterator:
         server.shutdown()
 
 
+def points_in(browser, bgr: np.ndarray, first: bool, step_ms: float) -> list[list[float]]:
+    """What the page says of a picture, as of `pointsOf` in page/webcam.js, `step_ms` milliseconds after the one before."""
+    jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 90])[1]
+    points = browser.execute_async_script(FIND, base64.b64encode(jpeg.tobytes()).decode(), first, step_ms)
+    if isinstance(points, str):
+        raise RuntimeError(points)
+    return points
+
+
 def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseEstimator) -> Filmed:
     """The learner of a file, which is made if it does not exist."""
     if not path.exists():
@@ -108,31 +120,30 @@ def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseE
         taught = taught_dance(made.name, made.fps, made.bpm, made.joints_m, made.quats, made.hips_m)
         # No person is seen twice: other people dance what is judged.
         learner = FilmedLearner(made.quats, made.hips_m, made.fps, skill, fault, seed=1000 * dance + len(skill + fault))
-        webcam, frames = WebcamEstimator(), range(0, min(round(SECONDS * made.fps), len(learner)), STRIDE)
+        frames = range(0, min(round(SECONDS * made.fps), len(learner)), STRIDE)
         depth.reset()
-        found: dict[str, list[np.ndarray]] = {"true": [], "webcam": [], "webcam_seen": [], "depth": [], "depth_seen": []}
+        found: dict[str, list] = {"true": [], "points": [], "depth": [], "depth_seen": []}
         for number in frames:
             time_s = number / made.fps
             bgr, true_m = learner.picture(number)
-            jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 90])[1]
-            points = browser.execute_async_script(
-                FIND, base64.b64encode(jpeg.tobytes()).decode(), not number, 1000 * STRIDE / made.fps
-            )
-            people = webcam.update(read_seen({"points": points, "age_ms": 0.0}).person, CAMERA)
-            by_depth = depth.update(learner.frame(time_s), learner.camera, time_s)
             found["true"].append(true_m)
-            for name, seen in (("webcam", people), ("depth", by_depth)):
-                found[name].append(seen[0].joints_camera_m if seen else np.full((15, 3), np.nan))
-                found[f"{name}_seen"].append(seen[0].confidence if seen else np.zeros(15))
+            found["points"].append(points_in(browser, bgr, not number, 1000 * STRIDE / made.fps) or NO_POINTS)
+            by_depth = depth.update(learner.frame(time_s), learner.camera, time_s)
+            found["depth"].append(by_depth[0].joints_camera_m if by_depth else np.full((15, 3), np.nan))
+            found["depth_seen"].append(by_depth[0].confidence if by_depth else np.zeros(15))
         arrays = {name: np.array(one, np.float32) for name, one in found.items()}
         with atomic_path(path) as part, part.open("wb") as file:
             np.savez(file, teacher=taught.joints_m[: frames.stop], times=np.array(frames) / made.fps, **arrays)
     with np.load(path) as stored:
         teacher = Performance(stored["teacher"], np.arange(len(stored["teacher"])) / 30)
-        by_eye = (
-            Performance(stored[name], stored["times"], stored.get(f"{name}_seen")) for name in ("true", "webcam", "depth")
-        )
-        return Filmed(dance, teacher, *by_eye)
+        true, by_depth = (Performance(stored[name], stored["times"], stored.get(f"{name}_seen")) for name in ("true", "depth"))
+        return Filmed(dance, teacher, true, by_webcam(stored["points"], stored["times"]), by_depth)
+
+
+def by_webcam(points: np.ndarray, times_s: np.ndarray) -> Performance:
+    """The dance that (T, 33, 6) points show, NaN where no person was found."""
+    shown = [[] if np.isnan(found).any() else found.tolist() for found in points]
+    return recorded({"frames": [{"time_s": float(at), "points": one} for at, one in zip(times_s, shown, strict=True)]})
 
 
 def all_filmed(folder: Path, dances: range, kinds: Sequence[tuple[str, str]], depth: PoseEstimator) -> dict[str, list[Filmed]]:
@@ -204,7 +215,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("do", choices=("fit", "judge"))
     parser.add_argument("--folder", type=Path, default=Path("outputs/webcam"), help="of the learners' joints: %(default)s")
-    parser.add_argument("--dances", type=int, default=3, help="how many: %(default)s")
+    parser.add_argument("--dances", type=int, default=6, help="how many: %(default)s")
     parser.add_argument("--write", action="store_true", help="enter the noise in the table")
     given = parser.parse_args()
     depth = PoseEstimator.load()

@@ -1,9 +1,10 @@
-"""Makes a checkpoint the network that comes with the package, a finder its finder of people, or two networks over time those of
-its modes: writes kpopnet/weights/.
+"""Makes a checkpoint the network that comes with the package, a finder its finder of people, two networks over time those of
+its modes, or a network that lifts joints that of a webcam: writes kpopnet/weights/.
 
     python tools/ship_weights.py outputs/train/RUN/best --set data/small/test
     python tools/ship_weights.py outputs/finder/RUN/finder.safetensors
     python tools/ship_weights.py data/over_time/causal.safetensors --future data/over_time/future.safetensors
+    python tools/ship_weights.py --lifting data/lifting.safetensors
 
 Filters are stored in float16, statistics and biases, which are few and may be large, in float32. The description
 loses what tells of the machine that trained. MODEL_CARD.md is written by hand.
@@ -35,12 +36,14 @@ from kpopnet.networks import META, PERSON, WEIGHTS, portable
 from kpopnet.networks.backend import GRAPH, filters
 from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.lifting import Lifting
 from kpopnet.networks.onnx_export import export_network
 from kpopnet.networks.over_time import OverTime
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 
 FINDER, FINDER_GRAPH = "finder.safetensors", "finder_graph.onnx"
+LIFTING = "lifting.safetensors"
 OVER_TIME = "over_time_causal.safetensors", "over_time_future.safetensors"
 
 
@@ -100,6 +103,12 @@ def ship_over_time(causal: Path, future: Path, folder: Path) -> None:
     _write(folder, "OVER_TIME_SHA256", dict(zip(OVER_TIME, (causal.read_bytes(), future.read_bytes()), strict=True)))
 
 
+def ship_lifting(weights: Path, folder: Path) -> None:
+    """Writes a network that lifts joints, as tools/fit_lifting.py made it; raises InputError for another file."""
+    Lifting.load(weights)
+    _write(folder, "LIFTING_SHA256", {LIFTING: weights.read_bytes()})
+
+
 def _halved(network: torch.nn.Module, source: Path) -> bytes:
     """The weights as a file, filters in float16."""
     weights = {name: (value.half() if value.ndim > 1 else value).contiguous() for name, value in network.state_dict().items()}
@@ -149,12 +158,18 @@ def changes_mm(one: NetworkEstimator, other: NetworkEstimator, path: Path, image
 @user_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("checkpoint", type=Path, help="folder of a trained network, or a .safetensors file")
+    parser.add_argument("checkpoint", type=Path, nargs="?", help="folder of a trained network, or a .safetensors file")
     parser.add_argument("--future", type=Path, help="the other network over time, which looks at later frames")
+    parser.add_argument("--lifting", type=Path, help="a network that lifts joints, as tools/fit_lifting.py made it")
     parser.add_argument("--set", type=Path, help="folder of a frozen set, on which a network is compared with its float16 copy")
     parser.add_argument("--images", type=int, default=500, help="how many images of it: %(default)s")
     parser.add_argument("--out", type=Path, default=kpopnet.weights.FOLDER, help="the folder to write: %(default)s")
     given = parser.parse_args()
+    if (given.checkpoint is None) == (given.lifting is None):
+        parser.error("give a checkpoint or --lifting")
+    if given.lifting is not None:
+        ship_lifting(given.lifting, given.out)
+        return
     if given.future is not None:
         ship_over_time(given.checkpoint, given.future, given.out)
         return

@@ -13,9 +13,10 @@ import numpy as np
 from aiohttp import web
 
 from kpopnet.dance.joint_files.reader import SUFFIXES, read_strangers_performance
+from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said, keyed
-from kpopnet.runtime.input_files import check_fields, settings_from
+from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher import profiles
 from kpopnet.teacher.adding import USUAL_BPM, add_group
 from kpopnet.teacher.film import Filming
@@ -23,7 +24,7 @@ from kpopnet.teacher.hosting import page_app
 from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
-from kpopnet.teacher.live.webcam import read_seen
+from kpopnet.teacher.live.webcam import read_seen, recorded
 from kpopnet.teacher.pages import Page, close_pages, converse
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
 from kpopnet.teacher.result_page import packed_body, packed_movement
@@ -119,17 +120,7 @@ async def upload(request: web.Request) -> web.Response:
     suffix = Path(request.query.get("file", "")).suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(Said("a dance is a file that ends with {endings}", endings=SUFFIXES))
-    title = request.query.get("title", "").strip()[:60] or "My dance"
-    try:
-        bpm = float(request.query.get("bpm", USUAL_BPM))
-    except ValueError as error:
-        raise InputError("bpm: expected a number") from error
-    check_between("bpm", bpm, 20, 400)
-    try:
-        content = await asyncio.wait_for(request.read(), UPLOAD_S)
-    except TimeoutError as error:
-        raise web.HTTPRequestTimeout(text="the file did not arrive") from error
-    library = request.app[TEACHING].library
+    content = await _sent(request)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"dance{suffix}"
         path.write_bytes(content)
@@ -137,7 +128,32 @@ async def upload(request: web.Request) -> web.Response:
             performance = await asyncio.to_thread(read_strangers_performance, path)
         except InputError as error:
             raise InputError(str(error).replace(str(path), "the file")) from error
-    added = await asyncio.to_thread(add_group, library, [performance], Said("the file"), title, bpm)
+    return await _added(request, performance, Said("the file"))
+
+
+@routes.post("/api/recordings")
+async def keep_recording(request: web.Request) -> web.Response:
+    """Adds a dance that the page recorded by webcam: the body is as `recorded` takes it, the query as of `upload`."""
+    content = await _sent(request)
+    message = parse_json(content, "the webcam's recording")
+    return await _added(request, await asyncio.to_thread(recorded, message), "the recording")
+
+
+async def _sent(request: web.Request) -> bytes:
+    try:
+        return await asyncio.wait_for(request.read(), UPLOAD_S)
+    except TimeoutError as error:
+        raise web.HTTPRequestTimeout(text="the file did not arrive") from error
+
+
+async def _added(request: web.Request, performance: Performance, where: str) -> web.Response:
+    title = request.query.get("title", "").strip()[:60] or "My dance"
+    try:
+        bpm = float(request.query.get("bpm", USUAL_BPM))
+    except ValueError as error:
+        raise InputError("bpm: expected a number") from error
+    check_between("bpm", bpm, 20, 400)
+    added = await asyncio.to_thread(add_group, request.app[TEACHING].library, [performance], where, title, bpm)
     return web.json_response({"identity": added})
 
 

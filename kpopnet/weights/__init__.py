@@ -6,6 +6,7 @@
     finder.safetensors             the finder of people, stored likewise
     graph.onnx, finder_graph.onnx  both for ONNX Runtime, without their filters
     over_time_*.safetensors        joints over time: causal, and with the frames that follow
+    lifting.safetensors            joints of a webcam's points (kpopnet.networks.lifting)
     MODEL_CARD.md                  how they were trained, how good they are, and where they fail
 
 tools/ship_weights.py writes the folder from a checkpoint of a training.
@@ -39,6 +40,12 @@ OVER_TIME_SHA256: dict[str, str] = {
 """Of the networks over time (kpopnet.networks.over_time), as tools/ship_weights.py wrote them: the causal one first."""
 
 
+LIFTING_SHA256: dict[str, str] = {
+    "lifting.safetensors": "ef34f4f56a118bfb550c02e7ce9db32579dddccc146057467271622950ad81bc",
+}
+"""Of the network that lifts a webcam's joints (kpopnet.networks.lifting), as tools/ship_weights.py wrote it."""
+
+
 def shipped_network() -> Path:
     """The folder of the network that comes with the package; raises InputError for files of another version."""
     _check(SHA256)
@@ -60,6 +67,12 @@ def shipped_over_time(future: bool) -> Path:
     """
     _check(OVER_TIME_SHA256)
     return FOLDER / list(OVER_TIME_SHA256)[future]
+
+
+def shipped_lifting() -> Path:
+    """The file of the network that lifts a webcam's joints; raises InputError for a file of another version."""
+    _check(LIFTING_SHA256)
+    return FOLDER / next(iter(LIFTING_SHA256))
 
 
 def _check(digests: dict[str, str]) -> None:

@@ -11,7 +11,8 @@ SERVER_ERRORS = {500, 501, 502, 504}
 METHODS = ("GET", "GET", "GET", "POST", "POST", "PUT", "HEAD", "OPTIONS", "DELETE", "TRACE", "CONNECT", "get", "G\xe9T", "")
 PATHS = (
     "/", "/page/app.js", "/page/{}.js", "/page/{}", "/page/vendor/{}.LICENSE", "/live", "/api/offer", "/api/dances",
-    "/api/dances?file={}.bvh&title={}", "/api/dances/{}", "/api/dances/{}/preview", "/api/body", "/api/history/{}",
+    "/api/dances?file={}.bvh&title={}", "/api/recordings?title={}", "/api/dances/{}", "/api/dances/{}/preview", "/api/body",
+    "/api/history/{}",
     "/api/tries/{}/{}.json", "/api/tries/{}/{}.csv", "/api/tries/{}/{}.bvh", "/api/tries/{}/{}.mp4", "/api/tries/{}/{}/film",
     "/api/tries/{}/{}/movement", "/api/pair?rater={}", "/api/answer", "/?token={}", "/{}", "{}", "*", "http://evil.example/{}",
 )  # fmt: skip

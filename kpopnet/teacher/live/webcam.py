@@ -1,7 +1,8 @@
 """A webcam as a learner's eye: points that MediaPipe found in the browser, as the fifteen joints of one person.
 
 MediaPipe's world landmarks are metres about the middle of the hips, x right, y down, z forward, as large as its network takes
-the person for. The same points in the picture then say where the person stands before a webcam of a usual field of view.
+the person for. The same points in the picture then say where the person stands before a webcam of a usual field of view, and a
+network of ours (kpopnet.networks.lifting) where the joints are.
 """
 
 import queue
@@ -11,11 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES, NamedPoints, named_joints
+from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES, NamedPoints, checked_performance, named_joints
 from kpopnet.dance.joint_files.tables import numbers_in
+from kpopnet.dance.performance import Performance
+from kpopnet.networks.lifting import Lifting, Sighting, sighting
 from kpopnet.pose import PersonPose
 from kpopnet.runtime.input_files import check_fields, expect
+from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources.source import CameraAwayError
+from kpopnet.weights import shipped_lifting
 
 WEBCAM = "webcam"
 DESCRIPTION = "the webcam of this browser"
@@ -88,31 +93,76 @@ class WebcamEstimator:
 
     name = WEBCAM
 
+    def __init__(self) -> None:
+        self._lifting = Lifting.load(shipped_lifting())
+
     def reset(self) -> None:
         pass
 
     def update(self, person: Landmarks | None, camera: Camera, time_s: float | None = None) -> list[PersonPose]:
         """The person with joints (15, 3) in metres before the camera, or none; see `PoseEstimator.update`."""
-        if person is None or (place_m := place_of(person, camera)) is None:
+        if person is None or (seen := seen_joints(person, camera)) is None:
             return []
-        recorded = NamedPoints(MEDIAPIPE_NAMES, person.world_m[None], confidence=person.visibility[None])
-        joints_m, visibility = named_joints(recorded, WEBCAM)
+        turned_m, chance = self._lifting(seen.sighting)
+        joints_m = turned_m @ seen.to_ray
+        place_m = place_of(joints_m, seen.image_px, seen.sighting.visibility, camera)
+        if place_m is None:
+            return []
         # Whom the picture cuts is guessed as a whole, also the joints in it.
-        confidence = visibility[0] * np.mean(visibility[0] > 0) ** 2
-        return [PersonPose(1, (joints_m[0] + place_m).astype(np.float32), confidence.astype(np.float32))]
+        visible = seen.sighting.visibility > 0
+        confidence = chance * visible * np.mean(visible) ** 2
+        return [PersonPose(1, (joints_m + place_m).astype(np.float32), confidence.astype(np.float32))]
 
 
-def place_of(person: Landmarks, camera: Camera) -> np.ndarray | None:
-    """(3,) metres from the camera to the origin of the world landmarks; None where it cannot be told.
+def recorded(message: Any) -> Performance:
+    """A dance that the page recorded: of each picture its points, and its time in seconds; raises InputError for any other.
+
+    The message is {"frames": [{"time_s": 0.1, "points": [...]}]}, with the points of `pointsOf` in page/webcam.js.
+    """
+    where = "the webcam's recording"
+    check_fields(where, message, {"frames": list[dict]})
+    estimator, joints_m, confidence, times_s = WebcamEstimator(), [], [], []
+    for frame in message["frames"]:
+        check_fields(where, frame, {"time_s": float, "points": list})
+        people = estimator.update(read_seen({"points": frame["points"], "age_ms": 0.0}).person, CAMERA)
+        joints_m.append(people[0].joints_camera_m if people else np.full((NUM_JOINTS, 3), np.nan))
+        confidence.append(people[0].confidence if people else np.zeros(NUM_JOINTS))
+        times_s.append(frame["time_s"])
+    expect(bool(times_s), where, "pictures, found none")
+    return checked_performance(np.array(joints_m), np.array(times_s, float), np.array(confidence), where)
+
+
+class SeenJoints(NamedTuple):
+    """The fifteen joints of a picture's points."""
+
+    sighting: Sighting
+    to_ray: np.ndarray  # (3, 3) rotation from the camera's frame to the sighting's
+    image_px: np.ndarray  # (15, 2) in the picture
+
+
+def seen_joints(person: Landmarks, camera: Camera) -> SeenJoints | None:
+    """The joints of a picture's points, as far away as MediaPipe's metres say; None where that cannot be told."""
+    place_m = place_of(person.world_m, person.image_px, person.visibility, camera)
+    if place_m is None:
+        return None
+    image_px = np.column_stack([person.image_px, np.zeros(len(person.image_px))])
+    points = NamedPoints(MEDIAPIPE_NAMES, np.stack([person.world_m, image_px]), confidence=np.tile(person.visibility, (2, 1)))
+    (world_m, joints_px), (visibility, _) = named_joints(points, WEBCAM)
+    rays = (joints_px[:, :2] - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
+    return SeenJoints(*sighting(world_m, rays, visibility, float(np.linalg.norm(place_m))), joints_px[:, :2])
+
+
+def place_of(points_m: np.ndarray, image_px: np.ndarray, visibility: np.ndarray, camera: Camera) -> np.ndarray | None:
+    """(3,) metres from the camera to the origin of (P, 3) points in its axes; None where it cannot be told.
 
     Linear least squares, weighted by visibility: (x + X) = u (z + Z) and (y + Y) = v (z + Z) for each point at (u, v) of the
     image at 1 m.
     """
-    if np.count_nonzero(person.visibility) < LEAST_POINTS:
+    if np.count_nonzero(visibility) < LEAST_POINTS:
         return None
-    (x, y, z), (u, v) = person.world_m.T, ((person.image_px - [camera.cx, camera.cy]) / [camera.fx, camera.fy]).T
+    (x, y, z), (u, v) = points_m.T, ((image_px - [camera.cx, camera.cy]) / [camera.fx, camera.fy]).T
     one, zero = np.ones_like(u), np.zeros_like(u)
     rows = np.concatenate([np.column_stack([one, zero, -u]), np.column_stack([zero, one, -v])])
-    weights = np.tile(np.sqrt(person.visibility), 2)
+    weights = np.tile(np.sqrt(visibility), 2)
     place_m, *_ = np.linalg.lstsq(rows * weights[:, None], np.concatenate([u * z - x, v * z - y]) * weights, rcond=None)
     return place_m if place_m[2] + z.min() > 0 else None

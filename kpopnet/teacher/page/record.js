@@ -135,9 +135,9 @@ export async function record(main) {
     cut();
     failed.textContent = "";
     told.textContent = say("adding {name} …", { name: name.value.trim() });
-    const query = new URLSearchParams({ file: "dance.json", title: name.value.trim() || say("My dance"), bpm: 60 / state.beat_s });
+    const query = new URLSearchParams({ title: name.value.trim() || say("My dance"), bpm: 60 / state.beat_s });
     try {
-      const { identity } = await ask(`/api/dances?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, ...bounds())) });
+      const { identity } = await ask(`/api/recordings?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, ...bounds())) });
       if (!state.closed) location.hash = `#/dance/${identity}`;
     } catch ({ message }) {
       failed.textContent = message;

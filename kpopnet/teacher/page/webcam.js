@@ -41,16 +41,13 @@ const JOINTS = [[7, 8], [11, 12], [12], [11], [14], [13], [16, 18, 20], [15, 17,
 // The fifteen joints of 33 points as of `pointsOf`.
 export const joined = (points) => JOINTS.map((from) => points[0].map((_, axis) => from.reduce((sum, k) => sum + points[k][axis], 0) / from.length));
 
-// A recording's [time_s, points] between two of its seconds as a file of MediaPipe's, on a clock that begins with them: who is
-// seen later stands as then until then, so that beats stay beats.
+// A recording's [time_s, points] between two of its seconds as the server takes it, on a clock that begins with them: who is seen
+// later stands as then until then, so that beats stay beats.
 export function cutOut(frames, from_s, to_s) {
   const inside = frames.filter(([time_s]) => time_s >= from_s && time_s <= to_s);
   const within = inside.filter(([time_s]) => time_s > from_s + STEP_S && time_s < to_s - STEP_S);
   const held = inside.length ? [[from_s, inside[0][1]], ...within, [to_s, inside.at(-1)[1]]] : [];
-  return { frames: held.map(([time_s, points]) => ({
-    timestamp_ms: Math.round(1000 * (time_s - from_s)),
-    pose_world_landmarks: points.map(([x, y, z, , , visibility]) => ({ x, y, z, visibility })),
-  })) };
+  return { frames: held.map(([time_s, points]) => ({ time_s: Number((time_s - from_s).toFixed(DIGITS)), points })) };
 }
 
 export class Webcam {

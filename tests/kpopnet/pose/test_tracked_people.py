@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
-from two_people_files import CAMERA, draw_people
+from two_people_files import CAMERA, WALL_M, draw_people
 
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.sources.source import TimedDepth

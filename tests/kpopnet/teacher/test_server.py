@@ -9,6 +9,7 @@ import struct
 import time
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 from unittest.mock import Mock
 from urllib.parse import urljoin
 
@@ -28,6 +29,8 @@ from kpopnet.teacher.library import Library  # noqa: E402
 from kpopnet.teacher.pages import MOST_PAGES  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
 from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, PageLessons, make_app  # noqa: E402
+
+ASSETS = Path(__file__).parents[2] / "assets"
 
 
 def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
@@ -175,6 +178,25 @@ def test_dances_of_ones_own_that_are_uploaded_at_once_get_names_of_their_own_and
         assert answer.status == 413 and english((await answer.json())["error"]) == "the file is larger than 32 MB"
 
     with_client(replace(teaching, library=mine), work)
+
+
+def test_a_dance_recorded_by_webcam_is_a_lesson_and_another_message_a_clear_sentence(teaching, library, tmp_path):
+    mine = Library(tmp_path / "mine", library.body)
+    with np.load(ASSETS / "webcam_points.npz") as stored:
+        points = stored["points"][:4].tolist()  # of one person
+    frames = [{"time_s": number / 10, "points": points[number // 15]} for number in range(60)]
+
+    async def work(client):
+        answer = await client.post("/api/recordings?title=Mine&bpm=90", json={"frames": frames})
+        assert (await answer.json())["identity"] == "own_001"
+        for sent, told in ((b"[", "not valid JSON"), (b'{"frames": []}', "pictures, found none"), (b"{}", "frames")):
+            answer = await client.post("/api/recordings", data=sent)
+            assert answer.status == 400 and told in english((await answer.json())["error"]), sent
+
+    with_client(replace(teaching, library=mine), work)
+    dance = mine.dance("own_001")
+    assert dance.about.name == "Mine" and dance.about.bpm == 90 and 5.8 < dance.about.seconds < 6
+    assert np.nanmedian(dance.joints_m[:, Joint.RIGHT_FOOT, 1] - dance.joints_m[:, Joint.HEAD, 1]) > 1
 
 
 def test_a_broken_dance_is_shown_as_broken_and_leaves_the_others_alone(teaching, library, tmp_path):

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 pytest.importorskip("selenium", reason="selenium is not installed")
 
+from programs import tool
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
 from teacher_page import BROWSER, DRIVER, chromium, served
@@ -124,6 +125,17 @@ def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(librar
             errors_m.append(np.linalg.norm(found_m - found_m[Joint.TORSO] - expected_m + expected_m[Joint.TORSO], axis=1))
     assert len(errors_m) >= 10 and len(set(stamps)) >= 5
     assert np.mean(errors_m) < 0.1 and np.mean(np.array(errors_m) < 0.1) > 0.6
+
+
+def test_the_measuring_tool_finds_the_points_of_a_picture(library):
+    """Those of the page's own module, in a page of its own."""
+    measure_webcam, dance = tool("measure_webcam"), library.dance("dance_001")
+    bgr, true_m = FilmedLearner(dance.quats, dance.hips_m, dance.fps, "perfect", seed=62).picture(0)
+    with measure_webcam.webcam_page() as browser:
+        points = measure_webcam.points_in(browser, bgr, True, 33.0)
+    (person,) = WebcamEstimator().update(read_seen({"points": points, "age_ms": 0.0}).person, CAMERA)
+    found_m, expected_m = (one - one[Joint.TORSO] for one in (person.joints_camera_m, true_m))
+    assert np.linalg.norm(found_m - expected_m, axis=1).mean() < 0.1
 
 
 def test_a_webcam_that_is_refused_or_missing_is_told(offering):

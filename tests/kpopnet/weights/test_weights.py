@@ -22,6 +22,7 @@ from kpopnet.networks.network import PersonHead, build_network
 
 ship_weights = tool("ship_weights")
 
+LIFTING = kpopnet.weights.shipped_lifting()
 MODEL = ModelConfig(input="depth_ridge", crop_px=32, widths=[8, 8, 16, 16])
 CONFIG = {
     "sensor": {"name": "kinect_v1"},
@@ -114,7 +115,8 @@ def test_what_this_checkout_ships_can_be_loaded():
     card = (kpopnet.weights.FOLDER / "MODEL_CARD.md").read_text()
     assert kpopnet.weights.SHA256["model.safetensors"] in card
     assert kpopnet.weights.FINDER_SHA256["finder.safetensors"] in card
-    assert all(digest in card for digest in kpopnet.weights.OVER_TIME_SHA256.values())
+    for digests in (kpopnet.weights.OVER_TIME_SHA256, kpopnet.weights.LIFTING_SHA256):
+        assert all(digest in card for digest in digests.values())
     assert not any("/" in text for text in ship_weights.texts_in(estimator.meta))
     estimate = estimator.estimate(draw_depth(draw_joints(np.random.default_rng(0)))[None], CAMERA)
     assert np.isfinite(estimate.joints_camera_m).all()
@@ -162,6 +164,16 @@ def test_both_networks_over_time_are_shipped_in_their_order(tmp_path, shipped):
     assert runpy.run_path(str(shipped / "__init__.py"))["OVER_TIME_SHA256"] == kpopnet.weights.OVER_TIME_SHA256
     with pytest.raises(InputError, match=r"1\.safetensors: expected a network that does not know later frames"):
         ship_weights.ship_over_time(copies[1], copies[0], shipped)
+
+
+def test_a_network_that_lifts_joints_is_shipped_and_no_other_file(tmp_path, shipped):
+    copy = tmp_path / "mine.safetensors"
+    copy.write_bytes(LIFTING.read_bytes())
+    ship_weights.ship_lifting(copy, shipped)
+    assert runpy.run_path(str(shipped / "__init__.py"))["LIFTING_SHA256"] == kpopnet.weights.LIFTING_SHA256
+    assert kpopnet.weights.shipped_lifting().read_bytes() == LIFTING.read_bytes()
+    with pytest.raises(InputError, match="no network that lifts joints"):
+        ship_weights.ship_lifting(shipped / "over_time_causal.safetensors", shipped)
 
 
 def test_what_cannot_be_shipped_is_refused(tmp_path, shipped):

@@ -102,7 +102,7 @@ test("a webcam that fails leaves what it has seen to be saved", async () => {
   globalThis.fetch = async (path, { body }) => { sent = JSON.parse(body); return Response.json({ identity: "mine" }); };
   await save();
   assert.equal(location.hash, "#/dance/mine");
-  assert.ok(sent.frames.length > 10 && sent.frames.at(-1).timestamp_ms >= 8000);
+  assert.ok(sent.frames.length > 10 && sent.frames.at(-1).time_s >= 8);
 });
 
 test("a lesson is saved once, and again if that failed", async () => {

@@ -1,0 +1,53 @@
+"""The tool that trains a webcam's network, on points of people whose depth is guessed too small: through the program."""
+
+import re
+
+import numpy as np
+from dance_people import dance_joints_m
+from programs import run_program
+
+from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES
+from kpopnet.skeleton import Joint
+from kpopnet.teacher.live.webcam import CAMERA
+
+SHARE = 0.4
+
+
+def points_of(joints_m):
+    """(33, 6) points as a page sends them of (15, 3) joints: each the nearest joint that it is named after."""
+    points = []
+    for name in MEDIAPIPE_NAMES:
+        side, _, part = name.partition("_")
+        part = {"wrist": "hand", "pinky": "hand", "index": "hand", "thumb": "hand"}.get(part, part)
+        part = {"ankle": "foot", "heel": "foot", "foot_index": "foot"}.get(part, part)
+        points.append(joints_m[Joint.__members__.get(f"{side}_{part}".upper(), Joint.HEAD)])
+    points = np.array(points)
+    shares = (CAMERA.project(points)[:, :2] + 0.5) / [CAMERA.width, CAMERA.height]
+    world_m = (points - (joints_m[Joint.RIGHT_HIP] + joints_m[Joint.LEFT_HIP]) / 2) * (1, 1, SHARE)
+    return np.column_stack([world_m, shares, np.full(33, 0.9)])
+
+
+def write_film(folder, number):
+    true_m = dance_joints_m(number)[:300:5]
+    points = np.stack([points_of(joints_m) for joints_m in true_m])
+    points[7] = np.nan  # nobody was found
+    folder.mkdir(exist_ok=True)
+    np.savez(folder / f"film_{number:05d}.npz", points=points.astype(np.float32), true_m=true_m.astype(np.float32))
+
+
+def test_a_short_training_finds_depth_in_films_that_were_held_out_and_repeats(tmp_path):
+    for number in range(8):
+        write_film(tmp_path / "films", number)
+    given = ("fit", "films", "--steps", 300, "--held-out", 4, "--out")
+    first = run_program("tools/fit_lifting.py", tmp_path, *given, "net.safetensors")
+    assert first.returncode == 0, first.stderr
+    guessed_cm, lifted_cm = (float(re.search(rf"{name}: ([\d.]+) cm", first.stdout)[1]) for name in ("points", "lifted"))
+    assert lifted_cm < 0.8 * guessed_cm
+    again = run_program("tools/fit_lifting.py", tmp_path, *given, "again.safetensors")
+    assert again.stdout == first.stdout
+    assert (tmp_path / "net.safetensors").read_bytes() == (tmp_path / "again.safetensors").read_bytes()
+
+
+def test_a_folder_without_films_is_named(tmp_path):
+    ended = run_program("tools/fit_lifting.py", tmp_path, "fit", ".", "--out", "net.safetensors")
+    assert ended.returncode == 1 and "no film_*.npz in which a person was found" in ended.stderr

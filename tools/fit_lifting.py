@@ -1,0 +1,231 @@
+"""Trains the network that lifts a webcam's joints (kpopnet.networks.lifting) on films of SIMULATED people.
+
+    python tools/fit_lifting.py films data/lifting --count 378 --clips PACK
+    python tools/fit_lifting.py fit data/lifting --out data/lifting.safetensors --held-out 7
+    python tools/fit_lifting.py fit data/lifting --out data/lifting.safetensors
+
+A film shows a person in colour, and MediaPipe in a browser says of each picture where its points are (Chromium, chromedriver
+and selenium have to be there). `--held-out 7` leaves out every seventh film and prints the errors in these. Finished films stay
+when it is run again. Run from the root of a checkout with `PYTHONPATH=.`; tools/ship_weights.py puts the weights into the
+package.
+"""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import safetensors.numpy
+import torch
+from torch import Tensor, nn
+from tqdm import tqdm
+
+from kpopnet.camera import Camera
+from kpopnet.data.made_sets import claim_folder
+from kpopnet.errors import InputError
+from kpopnet.networks.lifting import READ, Lifting, Sighting
+from kpopnet.rotations import about, multiply
+from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.endings import user_errors
+from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.teacher.live.webcam import CAMERA, read_seen, seen_joints
+from synth.body.asset import load_body
+from synth.dances.taught import DANCES, composed
+from synth.motion import MotionConfig, MotionSource, build_motion
+from synth.motion.choreography.programmes import show
+from synth.motion.limbs import choose
+from synth.motion.skeleton import LEG_M, Motion
+from synth.motion.splice import resampled
+from synth.samples.sampler import body_rotations
+from synth.simulated.generator import is_faulty, random_excerpt
+from tools.measure_webcam import FilmedLearner, points_in, webcam_page
+
+FPS, FRAMES, STRIDE = 30.0, 180, 2
+"""Of the motions, and of how many of their frames one is seen."""
+
+LEAST_FRAMES, LEAST_SEEN = 60, 20
+"""Of a motion; and pictures with a person of a film, which is left out otherwise."""
+
+KINDS = ("dance", "dance", "dance", "mixture", "crossed_punches", "kicks", "turns")
+FOV_DEG = (52.0, 78.0)
+"""Webcams' angles of view; the program takes 60 degrees for all."""
+
+HIDDEN, STEPS, BATCH_SIZE, LR, WEIGHT_DECAY = 256, 4000, 1024, 3e-3, 2.0
+SIZE_NOISE, DIMMEST, LEAST_SPREAD = 0.05, 0.7, 0.1
+"""Spread of the size for which MediaPipe may take a person, least share of its visibility that a picture keeps, and the least
+standard deviation by which a number is divided."""
+
+SURE_WEIGHT, NEAR_M = 0.05, 0.1
+"""Weight of the confidence, whose event is an error below NEAR_M."""
+
+
+def drawn_motion(rng: np.random.Generator, index: int, recordings: MotionSource | None) -> Motion:
+    """In turn a dance composed as the teacher's are, a recording where there are any, and other choreography: at most FRAMES
+    frames. Two of three people face the camera.
+    """
+    while True:
+        if index % 3 == 0:
+            motion = random_excerpt(rng, composed(DANCES + 100 + index)[0], FRAMES)
+        elif index % 3 == 1 and recordings is not None:
+            recording = recordings.motion(int(rng.integers(len(recordings))))
+            motion = random_excerpt(rng, resampled(recording, FPS), FRAMES)
+        else:
+            motion = random_excerpt(rng, show(rng, choose(rng, KINDS), 2 * FRAMES / FPS, FPS), FRAMES)
+        if len(motion) > LEAST_FRAMES and not is_faulty(motion):
+            break
+    turn_rad = rng.choice([0.3 * rng.standard_normal(), 0.3 * rng.standard_normal(), rng.uniform(-np.pi, np.pi)])
+    return turned(motion, float(turn_rad))
+
+
+def turned(motion: Motion, yaw_rad: float) -> Motion:
+    """The motion of a person who begins at the origin and is turned to the left."""
+    quats, cos, sin = motion.quats.astype(float), np.cos(yaw_rad), np.sin(yaw_rad)
+    quats[:, 0] = multiply(about(1, yaw_rad), quats[:, 0])
+    x, y, z = (motion.root_m - motion.root_m[0] * (1, 0, 1)).T
+    return replace(motion, quats=quats.astype(np.float32), root_m=np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=1))
+
+
+def film(index: int, recordings: MotionSource | None, browser) -> dict[str, np.ndarray]:
+    """(T, 33, 6) points as the page sends them, NaN without a person, and (T, 15, 3) true joints in metres."""
+    rng = np.random.default_rng([77, index])
+    motion = drawn_motion(rng, index, recordings)
+    camera = Camera.from_fov(float(rng.uniform(*FOV_DEG)), CAMERA.width, CAMERA.height)
+    # As `synth.dances.live.motion_of` reads it: from y up, z in front to z up, -y in front.
+    hips_m = motion.root_m[:, (0, 2, 1)] * (1, -1, 1) * LEG_M / motion.leg_m
+    quats = body_rotations(load_body(), motion.quats, 0.0, np.zeros(2))
+    learner = FilmedLearner(quats, hips_m, FPS, "perfect", seed=700_000 + index, camera=camera)
+    numbers, points, true_m = range(0, len(learner), STRIDE), [], []
+    for number in numbers:
+        bgr, joints_m = learner.picture(number)
+        points.append(points_in(browser, bgr, not number, 1000 * STRIDE / FPS) or np.full((33, 6), np.nan))
+        true_m.append(joints_m)
+    return {"points": np.array(points, np.float32), "true_m": np.array(true_m)}
+
+
+# --- what is learned from --------------------------------------------------------------------------------------------------
+
+
+class Pictures(NamedTuple):
+    """Pictures of one person, and where their joints are: (T, 15, 3) about the torso, metres, in the ray's frame."""
+
+    seen: Sighting
+    true_m: np.ndarray
+
+
+def of_film(path: Path) -> Pictures | None:
+    """The pictures of a film in which a person was found; None where there are too few."""
+    with np.load(path) as stored:
+        points, true_m = stored["points"], stored["true_m"]
+    seen, expected_m = [], []
+    for found, joints_m in zip(points, true_m, strict=True):
+        person = None if np.isnan(found).any() else read_seen({"points": found.tolist(), "age_ms": 0.0}).person
+        if person is not None and (one := seen_joints(person, CAMERA)) is not None:
+            seen.append(one.sighting)
+            expected_m.append((joints_m - joints_m[Joint.TORSO]) @ one.to_ray.T)
+    if len(seen) < LEAST_SEEN:
+        return None
+    return Pictures(Sighting(*map(np.array, zip(*seen, strict=True))), np.array(expected_m))
+
+
+# --- training --------------------------------------------------------------------------------------------------------------
+
+
+def trained(films: list[Pictures], steps: int) -> dict[str, np.ndarray]:
+    """The arrays of `kpopnet.networks.lifting.Lifting`."""
+    torch.manual_seed(0)
+    of_films = zip(*((*one.seen, one.true_m) for one in films), strict=True)
+    points_m, visibility, elevation_rad, true_m = (torch.from_numpy(np.concatenate(arrays)).float() for arrays in of_films)
+    numbers = torch.cat([points_m.flatten(1), visibility, elevation_rad[:, None]], dim=1)
+    # Points of films are seen so well that a worse picture would be many standard deviations away.
+    mean, spread = numbers.mean(dim=0), numbers.std(dim=0).clamp(min=LEAST_SPREAD)
+    last = nn.Linear(HIDDEN, 4 * NUM_JOINTS)
+    network = nn.Sequential(nn.Linear(READ, HIDDEN), nn.ReLU(), nn.Linear(HIDDEN, HIDDEN), nn.ReLU(), last)
+    with torch.no_grad():
+        last.weight[: 3 * NUM_JOINTS] *= 0.3  # the network begins near the points
+    optimiser = torch.optim.AdamW(network.parameters(), lr=LR, weight_decay=WEIGHT_DECAY)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, LR, total_steps=steps)
+    for _ in tqdm(range(steps), "training", unit="step"):
+        drawn = torch.randint(len(points_m), (BATCH_SIZE,))
+        here_m, shown, true_here_m = points_m[drawn], visibility[drawn], true_m[drawn]
+        mirrored = torch.rand(BATCH_SIZE) < 0.5
+        here_m, true_here_m = (torch.where(mirrored[:, None, None], _mirrored(one), one) for one in (here_m, true_here_m))
+        shown = torch.where(mirrored[:, None], shown[:, MIRROR], shown) * torch.empty(BATCH_SIZE, 1).uniform_(DIMMEST, 1.0)
+        here_m = here_m * torch.exp(SIZE_NOISE * torch.randn(BATCH_SIZE, 1, 1))
+        read = torch.cat([here_m.flatten(1), shown, elevation_rad[drawn, None]], dim=1)
+        out = network((read - mean) / spread)
+        joints_m = here_m - here_m[:, [Joint.TORSO]] + out[:, : 3 * NUM_JOINTS].unflatten(1, (NUM_JOINTS, 3))
+        error_m = (joints_m - true_here_m).norm(dim=-1)
+        sure = nn.functional.binary_cross_entropy_with_logits(out[:, 3 * NUM_JOINTS :], (error_m.detach() < NEAR_M).float())
+        optimiser.zero_grad()
+        (error_m.mean() + SURE_WEIGHT * sure).backward()
+        optimiser.step()
+        schedule.step()
+    arrays = {name: value.detach().numpy() for name, value in network.state_dict().items()}
+    arrays["0.weight"] = arrays["0.weight"] / spread.numpy()
+    arrays["0.bias"] = arrays["0.bias"] - arrays["0.weight"] @ mean.numpy()
+    return arrays
+
+
+def _mirrored(points_m: Tensor) -> Tensor:
+    return points_m[:, MIRROR] * torch.tensor([-1.0, 1.0, 1.0])
+
+
+def report(network: Lifting, films: list[Pictures]) -> None:
+    """Prints the errors about the torso of the points and of the network."""
+    chances, nears = [], []
+    for name in ("points", "lifted"):
+        errors_m = []
+        for one in films:
+            points_m = one.seen.points_m
+            joints_m, chance = network(one.seen) if name == "lifted" else (points_m - points_m[:, [Joint.TORSO]], None)
+            errors_m.append(np.linalg.norm(joints_m - one.true_m, axis=-1))
+            if chance is not None:
+                chances.append(chance)
+                nears.append(errors_m[-1] < NEAR_M)
+        error_m = np.concatenate(errors_m)
+        print(f"{name}: {100 * error_m.mean():.1f} cm, {(error_m < NEAR_M).mean():.0%} within 10 cm")
+    chance, near = np.concatenate(chances), np.concatenate(nears)
+    for low in np.arange(0, 1, 0.2):
+        inside = (chance >= low) & (chance < low + 0.2)
+        print(f"confidence {low:.1f} to {low + 0.2:.1f}: {near[inside].mean():.0%} of {inside.sum()} within 10 cm")
+
+
+@user_errors
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("do", choices=("films", "fit"))
+    parser.add_argument("folder", type=Path, help="of the films")
+    parser.add_argument("--count", type=int, default=378, help="how many films: %(default)s")
+    parser.add_argument("--clips", help="a motion pack, of which the train split is taken for every third film")
+    parser.add_argument("--out", type=Path, help="file of the weights")
+    parser.add_argument("--held-out", type=int, default=0, metavar="N", help="every N-th film is not learned from, and judges")
+    parser.add_argument("--steps", type=int, default=STEPS, help="%(default)s")
+    given = parser.parse_args()
+    if given.do == "films":
+        given.folder.mkdir(parents=True, exist_ok=True)
+        claim_folder(given.folder, "film_*.npz", {"clips": given.clips})
+        recordings = given.clips and build_motion(MotionConfig(source="clips", path=given.clips), "train")
+        with webcam_page() as browser:
+            for index in tqdm(range(given.count), "films", unit="film"):
+                path = given.folder / f"film_{index:05d}.npz"
+                if not path.exists():
+                    with atomic_path(path) as part, part.open("wb") as file:
+                        np.savez_compressed(file, **film(index, recordings, browser))
+        return
+    if given.out is None:
+        parser.error("fit needs --out")
+    films = [one for path in sorted(given.folder.glob("film_*.npz")) if (one := of_film(path)) is not None]
+    if not films:
+        raise InputError(f"{given.folder}: no film_*.npz in which a person was found; `tools/fit_lifting.py films` makes them")
+    kept = [one for number, one in enumerate(films) if not given.held_out or number % given.held_out]
+    arrays = trained(kept, given.steps)
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(given.out) as part:
+        part.write_bytes(safetensors.numpy.save(arrays))
+    if given.held_out:
+        report(Lifting.load(given.out), films[:: given.held_out])
+
+
+if __name__ == "__main__":
+    main()
