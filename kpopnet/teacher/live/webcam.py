@@ -31,8 +31,8 @@ CAMERA = Camera.from_fov(60.0, 640, 480)
 SILENCE_S = 4.0
 """A webcam from which nothing comes for this time is away: on a busy machine without graphics card a page needs seconds."""
 
-LEAST_POINTS = 8
-"""Points within the picture from which the person's place follows."""
+LEAST_POINTS, LEAST_JOINTS = 8, 4
+"""Of MediaPipe's points and of our joints, those within the picture from which the person's place follows."""
 
 NO_DEPTH_M = np.zeros((CAMERA.height // 160, CAMERA.width // 160), np.float32)
 """What a page is sent for the picture, which it has itself."""
@@ -105,7 +105,7 @@ class WebcamEstimator:
             return []
         turned_m, chance = self._lifting(seen.sighting)
         joints_m = turned_m @ seen.to_ray
-        place_m = place_of(joints_m, seen.image_px, seen.sighting.visibility, camera)
+        place_m = place_of(joints_m, seen.image_px, seen.sighting.visibility, camera, LEAST_JOINTS)
         if place_m is None:
             return []
         # Whom the picture cuts is guessed as a whole, also the joints in it.
@@ -142,7 +142,7 @@ class SeenJoints(NamedTuple):
 
 def seen_joints(person: Landmarks, camera: Camera) -> SeenJoints | None:
     """The joints of a picture's points, as far away as MediaPipe's metres say; None where that cannot be told."""
-    place_m = place_of(person.world_m, person.image_px, person.visibility, camera)
+    place_m = place_of(person.world_m, person.image_px, person.visibility, camera, LEAST_POINTS)
     if place_m is None:
         return None
     image_px = np.column_stack([person.image_px, np.zeros(len(person.image_px))])
@@ -152,13 +152,15 @@ def seen_joints(person: Landmarks, camera: Camera) -> SeenJoints | None:
     return SeenJoints(*sighting(world_m, rays, visibility, float(np.linalg.norm(place_m))), joints_px[:, :2])
 
 
-def place_of(points_m: np.ndarray, image_px: np.ndarray, visibility: np.ndarray, camera: Camera) -> np.ndarray | None:
-    """(3,) metres from the camera to the origin of (P, 3) points in its axes; None where it cannot be told.
+def place_of(
+    points_m: np.ndarray, image_px: np.ndarray, visibility: np.ndarray, camera: Camera, least: int
+) -> np.ndarray | None:
+    """(3,) metres from the camera to the origin of (P, 3) points in its axes; None where fewer than `least` tell it.
 
     Linear least squares, weighted by visibility: (x + X) = u (z + Z) and (y + Y) = v (z + Z) for each point at (u, v) of the
     image at 1 m.
     """
-    if np.count_nonzero(visibility) < LEAST_POINTS:
+    if np.count_nonzero(visibility) < least:
         return None
     (x, y, z), (u, v) = points_m.T, ((image_px - [camera.cx, camera.cy]) / [camera.fx, camera.fy]).T
     one, zero = np.ones_like(u), np.zeros_like(u)

@@ -81,6 +81,16 @@ def test_a_person_of_whom_half_is_out_of_the_picture_is_not_sure(joints):
     assert joints(message(visibility=0.0)) is None and joints({"points": [], "age_ms": 1}) is None
 
 
+def test_a_person_close_to_a_laptop_is_found_though_not_sure(joints):
+    """Of whom head, shoulders and elbows are in the picture."""
+    shown = message(ON_AXIS_M)
+    for name, point in zip(MEDIAPIPE_NAMES, shown["points"], strict=True):
+        point[5] *= not any(part in name for part in ("wrist", "pinky", "index", "thumb", "hip", "knee", "ankle", "heel"))
+    found = joints(shown)
+    np.testing.assert_allclose(found.joints_camera_m[Joint.TORSO], [0, -0.25, 2.6], atol=0.1)
+    assert 0 < found.confidence[Joint.HEAD] < 0.3 and found.confidence[Joint.LEFT_HAND] == 0
+
+
 def test_a_recording_is_the_joints_of_its_pictures(joints):
     pictures = [message(PLACE_M + np.array([0, 0, 0.01 * number]))["points"] for number in range(6)]
     frames = [{"time_s": number / 10, "points": one} for number, one in enumerate([*pictures[:3], [], *pictures[3:]])]
