@@ -333,6 +333,7 @@ export default {
   "{name} dances here already; choose another name": "{name} tanzt hier schon; wähle einen anderen Namen",
   "a dance is a file that ends with {endings}": "ein Tanz ist eine Datei mit der Endung {endings}",
   "the file": "die Datei",
+  "the recording": "die Aufnahme",
   "{file}: lasts {seconds} s; a dance lasts {least} to {most} s": "{file}: dauert {seconds} s; ein Tanz dauert {least} bis {most} s",
   "from {start} to {end} s: choose at least {least} s of the dance": "{start} bis {end} s: wähle mindestens {least} s des Tanzes",
   "this try was not saved: {reason}": "dieser Versuch wurde nicht gespeichert: {reason}",

@@ -333,6 +333,7 @@ export default {
   "{name} dances here already; choose another name": "이미 있는 이름이에요: {name}. 다른 이름을 고르세요",
   "a dance is a file that ends with {endings}": "춤 파일의 확장자: {endings}",
   "the file": "파일",
+  "the recording": "녹화",
   "{file}: lasts {seconds} s; a dance lasts {least} to {most} s": "{file}: {seconds}초예요. 춤은 {least}초에서 {most}초까지예요",
   "from {start} to {end} s: choose at least {least} s of the dance": "{start}~{end}초: {least}초 이상 고르세요",
   "this try was not saved: {reason}": "이번 시도를 저장하지 않았어요: {reason}",

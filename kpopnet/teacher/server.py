@@ -136,7 +136,7 @@ async def keep_recording(request: web.Request) -> web.Response:
     """Adds a dance that the page recorded by webcam: the body is as `recorded` takes it, the query as of `upload`."""
     content = await _sent(request)
     message = parse_json(content, "the webcam's recording")
-    return await _added(request, await asyncio.to_thread(recorded, message), "the recording")
+    return await _added(request, await asyncio.to_thread(recorded, message), Said("the recording"))
 
 
 async def _sent(request: web.Request) -> bytes:
@@ -146,7 +146,7 @@ async def _sent(request: web.Request) -> bytes:
         raise web.HTTPRequestTimeout(text="the file did not arrive") from error
 
 
-async def _added(request: web.Request, performance: Performance, where: str) -> web.Response:
+async def _added(request: web.Request, performance: Performance, where: Said) -> web.Response:
     title = request.query.get("title", "").strip()[:60] or "My dance"
     try:
         bpm = float(request.query.get("bpm", USUAL_BPM))
