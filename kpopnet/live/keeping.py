@@ -148,11 +148,11 @@ class JointKeeper:
         if (kept := self._kept) is None:
             return ""
         people = [{person.identity: person for person in seen.people} for seen in kept]
-        nobody = PersonPose(0, np.full((NUM_JOINTS, 3), np.nan, np.float32), np.zeros(NUM_JOINTS, np.float32))
+        unseen = PersonPose(0, np.full((NUM_JOINTS, 3), np.nan, np.float32), np.zeros(NUM_JOINTS, np.float32))
         paths, times_s = [], np.array([seen.time_s - kept[0].time_s for seen in kept])
         try:
             for one in sorted(set().union(*people)):
-                _, joints_m, confidence = map(np.array, zip(*(found.get(one, nobody) for found in people), strict=True))
+                _, joints_m, confidence = map(np.array, zip(*(found.get(one, unseen) for found in people), strict=True))
                 paths.append(free_path(self._folder, f"joints-person{one}", ".npz"))
                 write_performance(paths[-1], Performance(joints_m, times_s, confidence))
         except BaseException:

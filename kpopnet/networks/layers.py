@@ -12,6 +12,9 @@ from kpopnet.runtime.input_files import read_with
 class Layers:
     """The layers, from their arrays by name: those of torch's Sequential of linear layers with rectifiers between them."""
 
+    OTHERWISE = "no network of such layers"
+    """What a file of other weights is, for messages."""
+
     def __init__(self, arrays: dict[str, np.ndarray]) -> None:
         self._layers = [(arrays[f"{2 * k}.weight"].T, arrays[f"{2 * k}.bias"]) for k in range(len(arrays) // 2)]
 
@@ -19,9 +22,6 @@ class Layers:
     def load(cls, path: Path) -> Self:
         """The network of a safetensors file; raises InputError if it is missing, damaged or of other weights."""
         return read_with(lambda path: cls(safetensors.numpy.load_file(path)), path, f"missing, damaged, or {cls.OTHERWISE}")
-
-    OTHERWISE = "no network of such layers"
-    """What a file of other weights is not, for messages."""
 
     @property
     def inputs(self) -> int:
