@@ -118,7 +118,7 @@ def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseE
     if not path.exists():
         made = Teacher().dance(dance)
         taught = taught_dance(made.name, made.fps, made.bpm, made.joints_m, made.quats, made.hips_m)
-        # No person is seen twice: other people dance what is judged.
+        # In a dance best and good are one person, all others differ; no person of the judged dances is in another.
         learner = FilmedLearner(made.quats, made.hips_m, made.fps, skill, fault, seed=1000 * dance + len(skill + fault))
         frames = range(0, min(round(SECONDS * made.fps), len(learner)), STRIDE)
         depth.reset()
