@@ -3,10 +3,12 @@
 import re
 
 import numpy as np
+import pytest
 from dance_people import dance_joints_m
 from programs import run_program
 
 from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES
+from kpopnet.runtime.input_files import read_json
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.live.webcam import CAMERA
 
@@ -38,11 +40,15 @@ def write_film(folder, number):
 def test_a_short_training_finds_depth_in_films_that_were_held_out_and_repeats(tmp_path):
     for number in range(8):
         write_film(tmp_path / "films", number)
-    given = ("fit", "films", "--steps", 300, "--held-out", 4, "--out")
+    given = ("fit", "films", "--steps", 300, "--held-out", 4, "--figures", "figures.json", "--out")
     first = run_program("tools/fit_lifting.py", tmp_path, *given, "net.safetensors")
     assert first.returncode == 0, first.stderr
     guessed_cm, lifted_cm = (float(re.search(rf"{name}: ([\d.]+) cm", first.stdout)[1]) for name in ("points", "lifted"))
     assert lifted_cm < 0.8 * guessed_cm
+    figures = read_json(tmp_path / "figures.json")  # of films 0 and 4
+    assert figures["films"] == 2 and figures["lifted"]["cm"] == pytest.approx(lifted_cm, abs=0.06)
+    assert figures["lifted"]["cm"] == pytest.approx((figures["composed"]["cm"] + figures["recorded"]["cm"]) / 2)
+    assert "other" not in figures and "--held-out 4" in figures["command"]
     again = run_program("tools/fit_lifting.py", tmp_path, *given, "again.safetensors")
     assert again.stdout == first.stdout
     assert (tmp_path / "net.safetensors").read_bytes() == (tmp_path / "again.safetensors").read_bytes()

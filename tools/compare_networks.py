@@ -11,9 +11,7 @@ labels of a benchmark have a definition of their own (UTD-MHAD), the same tables
 """
 
 import argparse
-import sys
 from dataclasses import replace
-from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +30,7 @@ from kpopnet.networks.checkpoint import read_meta
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.programs.evaluate import EVALUATIONS
 from kpopnet.runtime.atomic_write import write_json
-from kpopnet.runtime.provenance import git_revision
+from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import JOINT_GROUPS, NUM_JOINTS
 
 GROUPS = {"all": tuple(range(NUM_JOINTS)), **{name: tuple(map(int, joints)) for name, joints in JOINT_GROUPS.items()}}
@@ -225,8 +223,7 @@ def program() -> None:
     for name in ("raw", "in_label_definition"):
         if name in found:
             print_tables(f"{arguments.benchmark}, {name}", found[name])
-    made = {"command": " ".join(["python", *sys.argv]), "code": git_revision(), "date": date.today().isoformat()}
-    write_json(arguments.result, made | {"ways": ways, "trainings": trainings} | rounded(found), allow_nan=False)
+    write_json(arguments.result, measured_by() | {"ways": ways, "trainings": trainings} | rounded(found), allow_nan=False)
 
 
 if __name__ == "__main__":

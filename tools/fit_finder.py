@@ -10,9 +10,6 @@ threshold on other images, such as those of the same split and another seed.
 """
 
 import argparse
-import shlex
-import sys
-from datetime import date
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,7 +25,7 @@ from kpopnet.finder.finder import LEAST_CELLS, LEAST_M2, LEAST_PROBABILITY, cell
 from kpopnet.finder.people import Network, People, certainty_features, gather_people
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
-from kpopnet.runtime.provenance import git_revision
+from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import Joint
 
 NEAR_M, LEAST_SHOWN = 0.3, 0.5
@@ -112,9 +109,8 @@ def main() -> None:
         figures[str(threshold)] = {"recall": float(recall), "precision": float(precision)}
         print(f"at {threshold}: recall {100 * recall:.1f} %, precision {100 * precision:.1f} %")
     if given.out:
-        made = {"code": git_revision(), "command": shlex.join(["python", *sys.argv]), "date": f"{date.today()}"}
         about = {"what": "SIMULATED rooms, images of validation", "images": other.images, "people": other.wanted}
-        write_json(given.out, about | {"sure": weights.tolist()} | made | {"at": figures})
+        write_json(given.out, about | {"sure": weights.tolist()} | measured_by() | {"at": figures})
 
 
 if __name__ == "__main__":

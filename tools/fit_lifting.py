@@ -1,7 +1,7 @@
 """Trains the network that lifts a webcam's joints (kpopnet.networks.lifting) on films of SIMULATED people.
 
     python tools/fit_lifting.py films data/lifting --count 378 --clips PACK
-    python tools/fit_lifting.py fit data/lifting --out data/lifting.safetensors --held-out 7
+    python tools/fit_lifting.py fit data/lifting --out data/lifting.safetensors --held-out 7 --figures results/lifting.json
     python tools/fit_lifting.py fit data/lifting --out data/lifting.safetensors
 
 A film shows a person in colour, and MediaPipe in a browser says of each picture where its points are (Chromium, chromedriver
@@ -13,7 +13,7 @@ package.
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import safetensors.numpy
@@ -26,8 +26,9 @@ from kpopnet.data.made_sets import claim_folder
 from kpopnet.errors import InputError
 from kpopnet.networks.lifting import READ, Lifting, Sighting
 from kpopnet.rotations import about, multiply
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.endings import user_errors
+from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.teacher.live.webcam import CAMERA, read_seen, seen_joints
 from synth.body.asset import load_body
@@ -46,6 +47,9 @@ FPS, FRAMES, STRIDE = 30.0, 180, 2
 
 LEAST_FRAMES, LEAST_SEEN = 60, 20
 """Of a motion; and pictures with a person of a film, which is left out otherwise."""
+
+TURNS = ("composed", "recorded", "other")
+"""In turn: dances composed as the teacher's are, recordings where there are any, other choreography, of these kinds."""
 
 KINDS = ("dance", "dance", "dance", "mixture", "crossed_punches", "kicks", "turns")
 FOV_DEG = (52.0, 78.0)
@@ -171,24 +175,31 @@ def _mirrored(points_m: Tensor) -> Tensor:
     return points_m[:, MIRROR] * torch.tensor([-1.0, 1.0, 1.0])
 
 
-def report(network: Lifting, films: list[Pictures]) -> None:
-    """Prints the errors about the torso of the points and of the network."""
-    chances, nears = [], []
-    for name in ("points", "lifted"):
-        errors_m = []
-        for one in films:
-            points_m = one.seen.points_m
-            joints_m, chance = network(one.seen) if name == "lifted" else (points_m - points_m[:, [Joint.TORSO]], None)
-            errors_m.append(np.linalg.norm(joints_m - one.true_m, axis=-1))
-            if chance is not None:
-                chances.append(chance)
-                nears.append(errors_m[-1] < NEAR_M)
-        error_m = np.concatenate(errors_m)
-        print(f"{name}: {100 * error_m.mean():.1f} cm, {(error_m < NEAR_M).mean():.0%} within 10 cm")
-    chance, near = np.concatenate(chances), np.concatenate(nears)
-    for low in np.arange(0, 1, 0.2):
-        inside = (chance >= low) & (chance < low + 0.2)
-        print(f"confidence {low:.1f} to {low + 0.2:.1f}: {near[inside].mean():.0%} of {inside.sum()} within 10 cm")
+def report(network: Lifting, films: dict[int, Pictures]) -> dict[str, Any]:
+    """Prints the errors about the torso in films, by their numbers, of the points and of the network; cm and percent."""
+    points_cm, lifted_cm, chances = [], [], []
+    for one in films.values():
+        joints_m, chance = network(one.seen)
+        points_m = one.seen.points_m - one.seen.points_m[:, [Joint.TORSO]]
+        for found_cm, found_m in ((points_cm, points_m), (lifted_cm, joints_m)):
+            found_cm.append(100 * np.linalg.norm(found_m - one.true_m, axis=-1))
+        chances.append(chance)
+    kinds = {
+        kind: [error_cm for number, error_cm in zip(films, lifted_cm, strict=True) if number % len(TURNS) == rest]
+        for rest, kind in enumerate(TURNS)
+    }
+    figures: dict[str, Any] = {}
+    for name, errors in {"points": points_cm, "lifted": lifted_cm, **kinds}.items():
+        if errors:
+            error_cm = np.concatenate(errors)
+            figures[name] = {"cm": float(error_cm.mean()), "within": float(100 * (error_cm < 100 * NEAR_M).mean())}
+            print(f"{name}: {figures[name]['cm']:.1f} cm, {figures[name]['within']:.0f} % within 10 cm")
+    chance, is_near, figures["sure"] = np.concatenate(chances), np.concatenate(lifted_cm) < 100 * NEAR_M, {}
+    for low in (0.0, 0.2, 0.4, 0.6, 0.8):
+        if (inside := (chance >= low) & (chance < low + 0.2)).any():
+            figures["sure"][f"{low}"] = share = float(100 * is_near[inside].mean())
+            print(f"confidence {low:.1f} to {low + 0.2:.1f}: {share:.0f} % of {inside.sum()} within 10 cm")
+    return figures
 
 
 @user_errors
@@ -200,6 +211,7 @@ def main() -> None:
     parser.add_argument("--clips", help="a motion pack, of which the train split is taken for every third film")
     parser.add_argument("--out", type=Path, help="file of the weights")
     parser.add_argument("--held-out", type=int, default=0, metavar="N", help="every N-th film is not learned from, and judges")
+    parser.add_argument("--figures", type=Path, help="a JSON file for the errors in these, as those of results/")
     parser.add_argument("--steps", type=int, default=STEPS, help="%(default)s")
     given = parser.parse_args()
     if given.do == "films":
@@ -215,16 +227,19 @@ def main() -> None:
         return
     if given.out is None:
         parser.error("fit needs --out")
-    films = [one for path in sorted(given.folder.glob("film_*.npz")) if (one := of_film(path)) is not None]
+    paths = sorted(given.folder.glob("film_*.npz"))
+    films = {int(path.stem.removeprefix("film_")): one for path in paths if (one := of_film(path)) is not None}
     if not films:
         raise InputError(f"{given.folder}: no film_*.npz in which a person was found; `tools/fit_lifting.py films` makes them")
-    kept = [one for number, one in enumerate(films) if not given.held_out or number % given.held_out]
-    arrays = trained(kept, given.steps)
+    held_out = dict(list(films.items())[:: given.held_out]) if given.held_out else {}
+    arrays = trained([one for number, one in films.items() if number not in held_out], given.steps)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(given.out) as part:
         part.write_bytes(safetensors.numpy.save(arrays))
-    if given.held_out:
-        report(Lifting.load(given.out), films[:: given.held_out])
+    if held_out:
+        figures = report(Lifting.load(given.out), held_out)
+        if given.figures:
+            write_json(given.figures, {"what": "SIMULATED films in colour", "films": len(held_out)} | measured_by() | figures)
 
 
 if __name__ == "__main__":

@@ -13,11 +13,8 @@ that judge.
 import argparse
 import hashlib
 import os
-import shlex
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import date
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -39,7 +36,7 @@ from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.network import PersonHead, PoseNetwork
 from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.endings import user_errors
-from kpopnet.runtime.provenance import git_revision
+from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import Joint
 from kpopnet.weights import FINDER_SHA256
 from synth.resumable import make_missing
@@ -201,8 +198,7 @@ def main() -> None:
     if given.figures:
         about = {"what": "SIMULATED rooms, whom the finder finds in scenes of validation with a certainty of 0.2 or more"}
         about |= {"people": int(people.sum()), "things": int((~people).sum()), "step": meta["step"]}
-        done = {"code": git_revision(), "command": shlex.join(["python", *sys.argv]), "date": f"{date.today()}"}
-        write_json(given.figures, about | {"together": together.tolist()} | done | {"at": figures})
+        write_json(given.figures, about | {"together": together.tolist()} | measured_by() | {"at": figures})
 
 
 @torch.inference_mode()

@@ -1,7 +1,7 @@
 """Measures what a webcam's joints are worth to the score: MediaPipe's pose in the page, on colour films of SIMULATED learners.
 
     PYTHONPATH=. python tools/measure_webcam.py fit --write      # the noise of the table `kpopnet.dance.noise.table.NOISE`
-    PYTHONPATH=. python tools/measure_webcam.py judge --dances 1 # other dances and people, by webcam and by depth
+    PYTHONPATH=. python tools/measure_webcam.py judge --figures results/webcam.json  # other dances and people
 
 The pictures are given to the page's own module one by one with their times, so that a busy machine loses none. Every learner's
 points are kept in a file: what was interrupted goes on, and other joints of these points need no new films. The dances are none
@@ -18,7 +18,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -33,9 +33,10 @@ from teacher_page import chromium  # noqa: E402
 from webcam_films import FilmedLearner  # noqa: E402
 
 from kpopnet.dance.performance import Performance  # noqa: E402
-from kpopnet.dance.scoring import score_dance  # noqa: E402
+from kpopnet.dance.scoring import DanceScore, score_dance  # noqa: E402
 from kpopnet.pose import PoseEstimator  # noqa: E402
-from kpopnet.runtime.atomic_write import atomic_path  # noqa: E402
+from kpopnet.runtime.atomic_write import atomic_path, write_json  # noqa: E402
+from kpopnet.runtime.provenance import measured_by  # noqa: E402
 from kpopnet.teacher.library import taught_dance  # noqa: E402
 from kpopnet.teacher.live.lesson import Lesson  # noqa: E402
 from kpopnet.teacher.live.loop import noise_of  # noqa: E402
@@ -47,7 +48,7 @@ from synth.dances.taught import DANCES, Teacher  # noqa: E402
 SECONDS, STRIDE = 8.0, 2
 """Length of a learner's film, and of how many frames of the dance, 30 a second, one is filmed."""
 
-FIT_DANCES, JUDGED_DANCES = range(DANCES, DANCES + 6), range(DANCES + 30, DANCES + 36)
+FIT_DANCES, JUDGED_DANCES = range(DANCES, DANCES + 6), range(DANCES + 40, DANCES + 46)
 LEVELS = ("best", "bad", "worst")
 NO_POINTS = np.full((33, 6), np.nan)
 JUDGED = (("perfect", ""), ("perfect", "left arm"), *((level, "") for level in LEVELS))
@@ -174,41 +175,59 @@ def fit(learners: dict[str, list[Filmed]], write: bool) -> None:
         enter(WEBCAM, noise)
 
 
-def judge(learners: dict[str, list[Filmed]], others: Sequence[Filmed], depth_noise: str) -> None:
+def judge(learners: dict[str, list[Filmed]], others: Sequence[Filmed], depth_noise: str) -> dict[str, Any]:
     """Prints joints and scores of other dances and people than were fitted; `others` dance another dance."""
-    everybody = [one for group in learners.values() for one in group]
+    everybody, figures = [one for group in learners.values() for one in group], {}
     for eye in ("webcam", "depth"):
         errors_m = np.concatenate([_about_torso(getattr(one, eye)) - _about_torso(one.true) for one in everybody])
         errors_m = np.linalg.norm(errors_m, axis=-1)
         seen = np.isfinite(errors_m)
-        near = np.mean(errors_m[seen] < 0.1)
-        print(f"{eye}: {100 * errors_m[seen].mean():.1f} cm, {near:.0%} within 10 cm, {seen.mean():.0%} seen")
-    noises = {"true": "none", "webcam": WEBCAM, "depth": depth_noise}
-    scores = {
-        eye: {kind: [_score(one, getattr(one, eye), noise) for one in group] for kind, group in learners.items()}
-        for eye, noise in noises.items()
+        cm, near, shown = 100 * errors_m[seen].mean(), 100 * np.mean(errors_m[seen] < 0.1), 100 * seen.mean()
+        figures[eye] = {"cm": float(cm), "within": float(near), "seen": float(shown)}
+        print(f"{eye}: {cm:.1f} cm, {near:.0f} % within 10 cm, {shown:.0f} % seen")
+    eyes = {
+        "true": ("true", "none"),
+        "webcam_unknown": ("webcam", "none"),
+        "webcam": ("webcam", WEBCAM),
+        "depth": ("depth", depth_noise),
     }
-    for eye, noise in noises.items():
-        perfect = learners["perfect"]
-        dancing = [getattr(one, eye) for one in perfect]
-        scores[eye]["another dance"] = [_score(one, getattr(other, eye), noise) for one in perfect for other in others]
-        late = [Performance(one.joints_m, one.times_s + LATE_S, one.confidence) for one in dancing]
-        scores[eye]["late"] = [_score(one, other, noise) for one, other in zip(perfect, late, strict=True)]
-        levels = np.array([scores[eye][level] for level in LEVELS])
+    truth = np.array([_score(one, one.true, "none").similarity for one in everybody])
+    for name, (eye, noise) in eyes.items():
+        danced = {kind: [(one, getattr(one, eye)) for one in group] for kind, group in learners.items()}
+        perfect = danced["perfect"]
+        late = [(one, Performance(seen.joints_m, seen.times_s + LATE_S, seen.confidence)) for one, seen in perfect]
+        danced |= {"another dance": [(one, getattr(other, eye)) for one, _ in perfect for other in others], "late": late}
+        scored = {kind: [_score(*pair, noise) for pair in pairs] for kind, pairs in danced.items()}
+        points = {kind: [one.similarity for one in group] for kind, group in scored.items()}
+        of_learners = np.concatenate([points[kind] for kind in learners])
+        levels = np.array([points[level] for level in LEVELS])
         pairs = [levels[i] > levels[j] for i in range(len(LEVELS)) for j in range(i + 1, len(LEVELS))]
-        print(f"{eye}: pairs of levels in order {np.sum(pairs)} of {np.size(pairs)}")
-    for kind in scores["true"]:
-        texts = (f"{eye} {np.mean(by[kind]):5.1f} ({min(by[kind]):.0f} to {max(by[kind]):.0f})" for eye, by in scores.items())
-        print(f"{kind:18s}", ", ".join(texts))
+        error, uncertainty = of_learners - truth, np.array([one.uncertainty for kind in learners for one in scored[kind]])
+        figures[name] = figures.get(name, {}) | {
+            "pairs_in_order": int(np.sum(pairs)),
+            "pairs": int(np.size(pairs)),
+            "correlation": float(np.corrcoef(truth, of_learners)[0, 1]),
+            "slope": float(np.polyfit(truth, of_learners, 1)[0]),
+            "bias": float(error.mean()),
+            "rms": float(np.sqrt((error**2).mean())),
+            "uncertainty": float(np.median(uncertainty)),
+            "within_uncertainty": float(100 * np.mean(abs(error) <= uncertainty)),
+            "scores": {kind: [float(f(one)) for f in (np.mean, min, max)] for kind, one in points.items()},
+        }
+        told = {key: value for key, value in figures[name].items() if key != "scores"}
+        print(name, ", ".join(f"{key} {value:.2f}" for key, value in told.items()))
+        for kind, (mean, least, greatest) in figures[name]["scores"].items():
+            print(f"  {kind:18s} {mean:5.1f} ({least:.0f} to {greatest:.0f})")
+    return figures
 
 
 def _about_torso(dance: Performance) -> np.ndarray:
     return dance.joints_m - dance.joints_m[:, [8]]
 
 
-def _score(one: Filmed, danced: Performance, noise: str) -> float:
+def _score(one: Filmed, danced: Performance, noise: str) -> DanceScore:
     """The score that the teacher gives one who dances like `danced`."""
-    return score_dance(one.teacher, danced, scorer_config(Lesson("dance"), noise)).similarity
+    return score_dance(one.teacher, danced, scorer_config(Lesson("dance"), noise))
 
 
 def main() -> None:
@@ -217,13 +236,18 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("outputs/webcam"), help="of the learners' joints: %(default)s")
     parser.add_argument("--dances", type=int, default=6, help="how many: %(default)s")
     parser.add_argument("--write", action="store_true", help="enter the noise in the table")
+    parser.add_argument("--figures", type=Path, help="a JSON file for the figures of judge, as those of results/")
     given = parser.parse_args()
     depth = PoseEstimator.load()
     if given.do == "fit":
         fit(all_filmed(given.folder, FIT_DANCES[: given.dances], FITTED, depth), given.write)
     else:
         others = all_filmed(given.folder, FIT_DANCES[: given.dances], FITTED[:1], depth)["perfect"]
-        judge(all_filmed(given.folder, JUDGED_DANCES[: given.dances], JUDGED, depth), others, noise_of(depth))
+        learners = all_filmed(given.folder, JUDGED_DANCES[: given.dances], JUDGED, depth)
+        figures = judge(learners, others, noise_of(depth))
+        if given.figures:
+            about = {"what": "SIMULATED learners in colour", "learners": sum(map(len, learners.values()))}
+            write_json(given.figures, about | measured_by() | figures)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,12 @@
 """Which code this is: its revision, and how its optional libraries are installed."""
 
 import json
+import shlex
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from datetime import date
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -21,6 +24,11 @@ def git_revision() -> dict[str, str | bool] | None:
     except (OSError, subprocess.CalledProcessError):
         return None
     return {"revision": revision, "dirty": bool(changes)}
+
+
+def measured_by() -> dict[str, object]:
+    """What a file of figures says of the program that wrote it: its code, command and date."""
+    return {"code": git_revision(), "command": shlex.join(["python", *sys.argv]), "date": date.today().isoformat()}
 
 
 def install_command(extra: str) -> str:
