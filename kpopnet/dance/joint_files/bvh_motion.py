@@ -18,7 +18,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.bones import find_joints, joint_positions, offsets_of, skeleton_points, world_rotations
+from kpopnet.dance.joint_files.bones import (
+    find_joints,
+    joint_positions,
+    offsets_of,
+    skeleton_points,
+    with_torso,
+    world_rotations,
+)
 from kpopnet.dance.joint_files.bvh import BvhFile, read_bvh
 from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.errors import InputError
@@ -122,9 +129,9 @@ def _in_unit(motion: BvhMotion, metres: float) -> BvhMotion:
 
 def bvh_points(motion: BvhMotion) -> NamedPoints:
     """The joints of a recorded skeleton by the names of points, metres, y up."""
-    offsets_m = motion.metres * offsets_of(motion.rest, motion.parents)
-    positions_m = joint_positions(motion.rotated, motion.root_m, offsets_m, motion.parents)
-    return skeleton_points(motion.found, positions_m, fps=motion.fps)
+    found, rest, parents = with_torso(motion.found, motion.rest, motion.parents)
+    positions_m = joint_positions(motion.rotated, motion.root_m, motion.metres * offsets_of(rest, parents), parents)
+    return skeleton_points(found, positions_m, fps=motion.fps)
 
 
 def _unit(leg: float, path: Path) -> float:

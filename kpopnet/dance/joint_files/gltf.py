@@ -6,6 +6,7 @@ The longest animation is sampled at FPS. Joints are the origins of nodes, by for
 
 import base64
 import struct
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -13,13 +14,13 @@ from urllib.parse import unquote
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from kpopnet.dance.joint_files.bones import find_joints, skeleton_points
+from kpopnet.dance.joint_files.bones import chain, find_joints, skeleton_points, with_torso
 from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.runtime.input_files import check_budget, expect, parse_json, parsing, read_with
 
 FPS = 60.0
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
+_WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 
 
@@ -33,19 +34,13 @@ def read_gltf(path: Path) -> NamedPoints:
         frames = int((keys_s[-1] - keys_s[0]) * FPS + 1e-3) + 1
         check_budget(path, frames * len(parents) * 128, f"{frames} frames of {len(parents)} nodes")
         times_s = keys_s[0] + np.arange(frames) / FPS
-        worlds: dict[int, np.ndarray] = {-1: np.eye(4)[None]}
-
-        def world(node: int) -> np.ndarray:
-            chain = [node]
-            while chain[-1] not in worlds:
-                chain.append(parents[chain[-1]])
-            for one in chain[-2::-1]:
-                worlds[one] = worlds[parents[one]] @ file.local(one, channels.get(one, {}), times_s)
-            return worlds[node]
-
-        used = sorted(set(found.values()))
-        positions = np.stack([np.broadcast_to(world(node)[:, :3, 3], (frames, 3)) for node in used], axis=1)
-        return skeleton_points({name: used.index(node) for name, node in found.items()}, positions, times_s)
+        bones = {one for joint in found.values() for one in chain(joint, parents)} - {*chain(found["Hips"], parents)[:-1]}
+        moved, rest = file.worlds(bones, parents, channels, times_s), file.rest(bones, parents)
+        joints, places, carried = with_torso(found, rest[:, :3, 3], parents)
+        torso = moved[carried[-1]] @ np.linalg.inv(rest[carried[-1]]) @ [*places[-1], 1]
+        ways = [*(moved[node][:, :3, 3] for node in found.values()), torso[:, :3]]
+        positions = np.stack([np.broadcast_to(way, (frames, 3)) for way in ways], axis=1)
+        return skeleton_points({name: number for number, name in enumerate(joints)}, positions, times_s)
 
 
 class _File:
@@ -104,6 +99,32 @@ class _File:
         about = "an animation of a skeleton, found none (a .vrm file is a body; its dance is a .vrma, .bvh or .vmd file)"
         expect(len(keys_s) > 0, self.where, about)
         return found, keys_s
+
+    def worlds(
+        self, nodes: Iterable[int], parents: list[int], channels: dict[int, dict[str, dict]], times_s: np.ndarray
+    ) -> dict[int, np.ndarray]:
+        """(T, 4, 4) transformations of nodes, and of all above them, to the world; (1, 4, 4) where none is animated."""
+        found: dict[int, np.ndarray] = {}
+        for node in nodes:
+            for one in chain(node, parents):
+                if one not in found:
+                    above = found.get(parents[one], np.eye(4)[None])
+                    found[one] = above @ self.local(one, channels.get(one, {}), times_s)
+        return found
+
+    def rest(self, nodes: Collection[int], parents: list[int]) -> np.ndarray:
+        """(N, 4, 4) transformations of the nodes at rest: to the space of the skin that is bound to all of them, if one is.
+
+        Otherwise to the world, as the file has them without its animation; some programs write them as in its first frame.
+        """
+        found = np.tile(np.eye(4), (len(parents), 1, 1))
+        for node, still in self.worlds(nodes, parents, {}, np.zeros(1)).items():
+            found[node] = still[0]
+        for skin in self.content.get("skins", []):
+            if {*nodes} <= {*skin["joints"]} and "inverseBindMatrices" in skin:
+                bound = self.numbers(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2)
+                found[skin["joints"]] = np.linalg.inv(bound)
+        return found
 
     def local(self, node: int, samplers: dict[str, dict], times_s: np.ndarray) -> np.ndarray:
         """(T, 4, 4) transformation to a node's parent; (1, 4, 4) where it is not animated."""

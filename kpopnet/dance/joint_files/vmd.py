@@ -13,7 +13,15 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, chain, joint_positions, offsets_of, skeleton_points, world_rotations
+from kpopnet.dance.joint_files.bones import (
+    MEAN_ADULT_M,
+    chain,
+    joint_positions,
+    offsets_of,
+    skeleton_points,
+    with_torso,
+    world_rotations,
+)
 from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.errors import InputError
 from kpopnet.rotations import rotate
@@ -80,10 +88,10 @@ def read_vmd(path: Path) -> NamedPoints:
         for bone, name in enumerate(_NAMES):
             if name in keys:
                 quats[:, bone], places_m[:, bone] = _sampled(keys[name], frames)
-        rotated, rest_m = world_rotations(quats, _PARENTS), _rest_m()
-        positions_m = joint_positions(rotated, places_m[:, 0], offsets_of(rest_m, _PARENTS), _PARENTS)
+        rotated, (found, rest_m, parents) = world_rotations(quats, _PARENTS), with_torso(_FOUND, _rest_m(), _PARENTS)
+        positions_m = joint_positions(rotated, places_m[:, 0], offsets_of(rest_m, parents), parents)
         for bone, parent in enumerate(_PARENTS[1:], 1):  # by what a bone moves itself, all below it move
-            below = [one for one in range(bone, len(_NAMES)) if bone in chain(one, _PARENTS)]
+            below = [one for one in range(bone, len(parents)) if bone in chain(one, parents)]
             positions_m[:, below] += rotate(rotated[:, parent], places_m[:, bone])[:, None]
         for side in "左右":
             moved = side + "足IK" in keys or side + "足" not in keys
@@ -91,7 +99,7 @@ def read_vmd(path: Path) -> NamedPoints:
             for frame, switched_on in sorted(switches.get(side + "足IK", [])):
                 on[frame:] = moved and switched_on
             _follow(side, positions_m, rotated, rest_m, on)
-        return skeleton_points(_FOUND, positions_m, fps=FPS)
+        return skeleton_points(found, positions_m, fps=FPS)
 
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, list[tuple[int, bool]]]]:

@@ -1,5 +1,8 @@
 """One dance by its skeleton in the files of other programs is the same performance as in BVH; what is damaged is refused."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bvh_files import write_bvh
@@ -9,8 +12,10 @@ from programs import ROOT
 from scipy.spatial.transform import Rotation
 from vmd_files import write_vmd
 
-from kpopnet.dance.joint_files.bones import MEAN_ADULT_M
+from kpopnet.dance.feedback import feedback
+from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, with_torso
 from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.motion.choreography.composer import dance
@@ -80,6 +85,66 @@ def test_a_truncated_or_empty_file_is_refused(tmp_path):
             assert is_refused(lambda path=path: read_performance(path))
 
 
+def bent(motion, bone, degrees):
+    """A motion in which a bone is turned forwards throughout, beyond what it does."""
+    quats = motion.quats.astype(float)
+    local = Rotation.from_euler("X", degrees, degrees=True) * Rotation.from_quat(quats[:, INDEX[bone]], scalar_first=True)
+    quats[:, INDEX[bone]] = local.as_quat(scalar_first=True)
+    return replace(motion, quats=quats)
+
+
+@pytest.mark.parametrize("suffix", ["bvh", "glb", "npz", "vmd"])
+def test_a_bent_back_is_a_fault_of_the_torso_in_skeletons_of_all_files(tmp_path, suffix):
+    def write(path, motion):
+        match suffix:
+            case "bvh":
+                return write_bvh(path, motion)
+            case "glb":
+                return write_gltf(path, motion)
+            case "npz":
+                return write_amass(path, motion, 72)
+        return write_vmd(path, vmd_bones(motion, [name for name in SMPL_PARENTS if name != "Spine1"]))
+
+    motion = dance(2, seconds=6.0)
+    teacher, learner = (
+        read_performance(write(tmp_path / f"{name}.{suffix}", one))
+        for name, one in (("a", motion), ("b", bent(motion, "Spine", 30)))
+    )
+    score = score_dance(teacher, learner)
+    assert score.parts.pop("torso") < 35 and min(score.parts.values()) > 95
+    (fault,) = feedback(score).faults
+    assert re.fullmatch(r"torso (2[5-9]|3[0-5])° bent too far forward throughout", str(fault.text))
+
+
+def test_a_skin_and_not_the_nodes_says_how_a_skeleton_of_gltf_rests(tmp_path, in_bvh):
+    """Nodes may rest in any pose, such as the animation's first, and a skin may be bound in any unit."""
+
+    def without_skin(content):
+        del content["skins"]
+
+    resting = bent(DANCE, "Spine", 40).quats[0]
+    assert_same_dance(write_gltf(tmp_path / "a.glb", DANCE, resting=resting), in_bvh)
+    moved = read_performance(write_gltf(tmp_path / "b.glb", DANCE, resting=resting, change=without_skin)).joints_m[::2]
+    np.testing.assert_allclose(np.delete(moved - in_bvh.joints_m, Joint.TORSO, axis=1), 0, atol=1e-3)
+    assert np.linalg.norm((moved - in_bvh.joints_m)[:, Joint.TORSO], axis=-1).min() > 0.02
+
+
+def test_the_torso_moves_with_the_bone_that_it_lies_in():
+    names = ["Hips", "LeftUpLeg", "RightUpLeg", "LowerBack", "Spine", "Spine1", "LeftArm", "RightArm"]
+    parents = [-1, 0, 0, 0, 3, 4, 5, 5]
+    for heights, bone in (
+        ((0.1, 0.2, 0.4), "Spine"),
+        ((0.1, 0.29, 0.4), "Spine"),  # which begins in the torso, or a little above it
+        ((0.1, 0.35, 0.4), "LowerBack"),
+        ((0.1, 0.15, 0.2), "Spine1"),
+        ((0.4, 0.45, 0.5), "Hips"),
+    ):
+        rest = np.array([(0, one, 0) for one in (0, 0, 0, *heights, 0.5, 0.5)], float)
+        found, places, carried = with_torso({name: number for number, name in enumerate(names)}, rest, parents)
+        np.testing.assert_allclose(places[found["Torso"]], (0, 0.25, 0))
+        assert names[carried[found["Torso"]]] == bone
+
+
 def on_the_mean_adult(motion, parents, names):
     """(T, J, 3) joints of a motion on MEAN_ADULT_M, link by link."""
     turned, at = {}, {}
@@ -88,7 +153,8 @@ def on_the_mean_adult(motion, parents, names):
         turned[name] = local if parent is None else turned[parent] * local
         offset = MEAN_ADULT_M[name] - MEAN_ADULT_M[parent or name]
         at[name] = motion.root_m if parent is None else at[parent] + turned[parent].apply(offset)
-    return at
+    middle_m = np.mean([MEAN_ADULT_M[side + bone] for side in ("Left", "Right") for bone in ("Arm", "UpLeg")], axis=0)
+    return at | {"Torso": at["Spine"] + turned["Spine"].apply(middle_m - MEAN_ADULT_M["Spine"])}
 
 
 def write_amass(path, motion, width, **others):
@@ -154,8 +220,8 @@ def assert_joints_lie_at(read, at):
         for side in ("Left", "Right")
         for joint, bones in JOINT_AT.items()
     }
-    places |= {(side, "HAND"): at[f"{side}Hand"] for side in ("Left", "Right")}
-    ours = [Joint[f"{side.upper()}_{joint}"] for side, joint in places]
+    places |= {(side, "HAND"): at[f"{side}Hand"] for side in ("Left", "Right")} | {("", "TORSO"): at["Torso"]}
+    ours = [Joint[f"{side.upper()}_{joint}".strip("_")] for side, joint in places]
     expected, found = np.stack(list(places.values()), axis=1), read.joints_m[:, ours]
     for values in (found, expected):
         assert values.shape == (len(read.times_s), len(ours), 3)
