@@ -7,18 +7,20 @@ have changed places are wrong. Of two, both are wrong by half if one stands wron
 `kpopnet.dance.dimensions.stage`: errors at its scale of place, above a group that stands as the teachers' does on average.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, figure, stance
+from kpopnet.dance.dimensions.stage import CENTRED_M, DIMENSIONS, StageScore, Stance, figure, stance
 from kpopnet.dance.performance import Performance, resampled
 from kpopnet.dance.scoring import Stretches
 from kpopnet.dance.window import FPS, WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
+from kpopnet.skeleton import Joint
 
 MOST_SPREAD = 2.0
 """Greatest factor between the learners' distances and the teachers': a room of half a stage. Chosen, not measured."""
@@ -46,15 +48,16 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance], 
     at_s = np.arange(max(one.times_s[0] for one in both), min(one.times_s[-1] for one in both), 1 / FPS)
     if not len(at_s):
         return None
-    stances = [stance(resampled(one.joints_m, one.confidence, one.times_s, at_s)[0]) for one in both]
-    groups = {"teacher": stances[: len(teachers)], "learner": stances[len(teachers) :]}
-    if centred := tuple(name for name, group in groups.items() if any(one.is_centred for one in group)):
+    joints_m = [resampled(one.joints_m, one.confidence, one.times_s, at_s)[0] for one in both]
+    stances = [stance(one) for one in joints_m]
+    groups = {"teacher": slice(len(teachers)), "learner": slice(len(teachers), None)}
+    if centred := tuple(name for name, group in groups.items() if _is_centred(joints_m[group], stances[group])):
         return Formation(math.nan, math.nan, [], centred)
     places_m = np.array([np.stack([one.hips_m[:, 0], -one.hips_m[:, 2]], axis=1) for one in stances])  # to the left, forward
     for begin_s, end_s in free_s:
         places_m[:, (at_s >= begin_s) & (at_s < end_s)] = np.nan
     known = np.isfinite(places_m).all(axis=(0, 2))
-    lengths_m = [one.length_m for one in groups["teacher"] if np.isfinite(one.length_m)]
+    lengths_m = [one.length_m for one in stances[: len(teachers)] if np.isfinite(one.length_m)]
     if known.sum() < WINDOW_S * FPS or not lengths_m:
         return None
     goal_m, danced_m = (one - one.mean(axis=0) for one in (places_m[: len(teachers)], places_m[len(teachers) :]))
@@ -70,3 +73,17 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance], 
         for begin_s, text in StageScore({}, {"place": one}, length_m).remarks()
     ]
     return Formation(similarity, 1 / factor, remarks)
+
+
+def _is_centred(joints_m: Sequence[np.ndarray], stances: Sequence[Stance]) -> bool:
+    """Whether the (T, 15, 3) joints of a member are about the hips, or those of two, whose hips then stay in one point.
+
+    Of one that takes LEAST_CENTRED_FRAMES, since people keep their hips still for as long; no two have them in one place.
+    """
+
+    def stay_together(*pair: np.ndarray) -> bool:
+        hips_m = np.stack([one[:, [Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=1) for one in pair])
+        known_m = hips_m[:, np.isfinite(hips_m).all(axis=(0, 2))]
+        return known_m.size > 0 and bool(np.linalg.norm(known_m.std(axis=(0, 1))) < CENTRED_M)
+
+    return any(one.is_centred for one in stances) or any(stay_together(*pair) for pair in itertools.combinations(joints_m, 2))

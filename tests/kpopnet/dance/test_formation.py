@@ -73,14 +73,23 @@ def test_who_is_not_seen_together_for_a_window_is_not_graded():
     assert formation([performed(one) for one in group()], late) is None
 
 
+@pytest.mark.parametrize("seconds", [2.5, SECONDS])
 @pytest.mark.parametrize("centred", [("teacher",), ("learner",), ("teacher", "learner")])
-def test_joints_about_the_hips_hold_no_places(centred):
+def test_joints_about_the_hips_hold_no_places(centred, seconds):
     """As MediaPipe's world landmarks: all members dance in one point, which would be a right formation or a wrong one."""
-    groups = {name: group() for name in ("teacher", "learner")}
+    groups = {name: [one[: round(seconds * FPS)] for one in group()] for name in ("teacher", "learner")}
     for name in centred:
         groups[name] = [one - one[:, HIPS].mean(axis=1, keepdims=True) for one in groups[name]]
     found = formation(*([performed(one) for one in dancers] for dancers in groups.values()))
     assert found.centred == centred and np.isnan([found.similarity, found.spread]).all() and not found.remarks
+
+
+def test_two_who_stand_still_for_a_short_while_have_places():
+    still = [np.broadcast_to(one[:1], (75, 15, 3)) for one in group()]
+    pairs = [[performed(one) for one in dancers] for dancers in (still, still)]
+    assert formation(*pairs).similarity > 99
+    pairs[1][0].joints_m[:] = np.nan
+    assert formation(*pairs) is None  # who is not seen does not stand where another does
 
 
 def test_a_group_is_as_large_as_those_of_its_teachers_whose_feet_are_seen():
