@@ -26,7 +26,7 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.dance.joint_files.reader import read_strangers_group
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import Performance, from_absolute_clocks
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.pose import PoseEstimator
@@ -194,7 +194,8 @@ def add_own(given: argparse.Namespace) -> None:
     dances = own_dances(given)
     with locked(given.data):
         library = made_library(given.data)
-        for title, dancers in dances.items():
+        for title, recorded in dances.items():
+            dancers = from_absolute_clocks(recorded)
             origin_s = max(float(one.times_s[0]) for one in dancers)  # of a group's common clock: from here on all are recorded
             parts = [part_of(one, given.from_s, given.to_s, origin_s, str(given.files[0])) for one in dancers]
             about = title[:MOST_LETTERS], given.bpm, given.free, dict(given.weights)

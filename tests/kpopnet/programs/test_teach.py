@@ -67,6 +67,19 @@ def test_a_group_is_added_from_a_file_for_each_dancer(run, tmp_path):
     np.testing.assert_allclose(second.joints_m[0], performance.joints_m[120], atol=1e-4)
 
 
+@pytest.mark.parametrize(("bea_s", "late_s"), [(1.7e9 + 2, 2), (1.7e9 + 86_400, 0), (0.0, 0)])
+def test_files_of_a_group_that_count_since_1970_are_taken_from_their_first_frames(run, tmp_path, danced, bea_s, late_s):
+    """Or from the first dancer's, who was recorded together with the second."""
+    joints_m, times_s = danced.performance.joints_m.astype(np.float32), danced.performance.times_s
+    for name, start_s in (("ann", 1.7e9), ("bea", bea_s)):
+        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m, times_s=start_s + times_s)
+    run("add", tmp_path / "ann.npz", tmp_path / "bea.npz")
+    dancers = teach.made_library(tmp_path / "teach").dance("own_001").dancers
+    own_m = sorted((one.joints_m[0] for one in dancers), key=lambda one: np.abs(one - joints_m[0]).max())
+    np.testing.assert_allclose(own_m[0], joints_m[0], atol=1e-4)
+    np.testing.assert_allclose(own_m[1], joints_m[round(late_s * danced.fps)], atol=1e-4)
+
+
 @pytest.fixture
 def danced(run, tmp_path):
     """A dance of the library."""
