@@ -61,7 +61,7 @@ def still(frames: int) -> Motion:
 
 def make_gltf(folder: Path) -> None:
     write_gltf(folder / "a.glb", still(3))
-    write_gltf(folder / "b.gltf", still(3), uri="b.bin", interpolation="CUBICSPLINE")
+    write_gltf(folder / "b.gltf", still(3), uri="b.bin", interpolation="CUBICSPLINE", resting=still(3).quats[0])
     write_gltf(folder / "c.vrma", still(3), humanoid="VRMC_vrm_animation")
 
 
