@@ -43,6 +43,9 @@ from kpopnet.weights import shipped_over_time
 MEASURED = ("tracker", "network", "fitted_network", "realtime", "best")
 CONFIG = replace(OURS, noise="none")
 KINDS = ("arm", "leg", "torso", "turning")
+LATE_S = (0.05, 0.1)
+"""How late perfect dancing is taken to be, to see whether its timing tells."""
+
 TESTED = "measured"
 """Name in NOISE of what is being measured."""
 
@@ -215,6 +218,21 @@ def summary(learners: Sequence[Seen], scores: Sequence[Scored]) -> str:
     return "\n".join(lines)
 
 
+def lateness(learners: Sequence[Seen], noise: EstimatorNoise) -> str:
+    """How well the timing of perfect dancing that is late tells it from perfect dancing on time, through the estimator."""
+    NOISE[TESTED] = noise
+    known, timings = replace(CONFIG, noise=TESTED), {}
+    perfect = [one for one in learners if one.fault.startswith("perfect")]
+    for late_s in (0.0, *LATE_S):
+        late = [Performance(seen.joints_m, seen.times_s + late_s, seen.confidence) for *_, seen in perfect]
+        pairs = zip(perfect, late, strict=True)
+        timings[late_s] = np.array([score_dance(one.teacher, seen, known).timing for one, seen in pairs])
+    del NOISE[TESTED]
+    if not perfect:
+        return "nobody dances perfectly: lateness was not looked at"
+    return ", ".join(f"{late_s} s late: AUC of the timing {_area(timings[0.0], timings[late_s]):.2f}" for late_s in LATE_S)
+
+
 def _area(better: np.ndarray, worse: np.ndarray) -> float:
     """How often, of all pairs, the better learner has the higher score; an equal one counts as half."""
     difference = better[:, None] - worse
@@ -249,7 +267,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             estimator = estimator or _build(given.estimator, given.checkpoint)
             learners += of_images(folder, estimator)
     if given.known:
-        print(summary(learners, [scored(one, known_noise(given.estimator)) for one in learners]))
+        noise = known_noise(given.estimator)
+        print(summary(learners, [scored(one, noise) for one in learners]))
+        print(lateness(learners, noise))
         return
     if len({one.dance for one in learners}) < 2:
         raise InputError(f"{given.folders[0]}: one dance; the uncertainty is measured on other dances than the noise")
@@ -261,6 +281,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         of_it = [number for number, one in enumerate(learners) if Path(one.dance).parent == folder]
         print(f"{folder}: {summary([learners[k] for k in of_it], [scores[k] for k in of_it])}")
     print(summary(learners, scores))
+    print(lateness(learners, noise))
     print(json.dumps({given.estimator: noise._asdict()}))
     if given.write:
         enter(given.estimator, noise)

@@ -14,11 +14,13 @@ parts count as much as the teacher moves them. A window in which the teacher sta
 copied by standing: it counts in the dance's score as much as the teacher moves (`PartTeacher.movement`).
 
 An estimator's errors make perfect dancing lose similarity too, the more the less confident the estimator is. What it keeps,
-by part and confidence, was learnt on simulated dances (`noise.json`, `tools/measure_noise.py`). A window's similarities are
-divided by what perfect dancing would keep in it: the quotient of two means is nearly unbiased, unlike the mean
-of quotients of frames, and a frame of which little is known counts little. It grows with similarity, so the score falls
-with every fault as it does on true joints. A window may exceed 100; only what is shown is limited: to its timing, and to what
-the learner's steady differences leave (`kpopnet.dance.noise.steady`), for such a quotient excuses many faults.
+by part and confidence, was learnt on simulated dances (`noise.json`, `tools/measure_noise.py`). The similarities of each part
+are divided by what perfect dancing would keep of that part in the window: the quotient of two means is nearly unbiased, unlike
+the mean of quotients of frames, and a frame of which little is known counts little. Parts are divided before the body's mean is
+taken, or a part that the estimator sees badly would count less than the others, and with it every fault of it. The quotient
+grows with similarity, so the score falls with every fault as it does on true joints. A window may exceed 100; only what is
+shown is limited: to its timing, and to what the learner's steady differences leave (`kpopnet.dance.noise.steady`), for such a
+quotient excuses many faults.
 """
 
 import math
@@ -203,8 +205,8 @@ class PartTeacher:
         # What is unseen stays a loss: the estimator's errors excuse only what is seen.
         kept = np.where(on_path.taught, 1 - on_path.seen * (1 - kept_by_noise(noise.loss, unsure)), np.nan)
         expected = float(_known_mean(_of_body(kept, turning)))
-        body = self._skill(_of_body(parts, turning) / expected)
         parts = parts / _known_mean(kept)
+        body = self._skill(_of_body(parts, turning))
         shown = np.where(on_path.taught.any(axis=1), on_path.seen.any(axis=1), np.nan)
         # The mean delay of the pairs changes smoothly with the learner's, unlike that of the middles in Eq. (13).
         delay_s = float(BAND_FRAMES - (path[:, 1] + shifts).mean()) / FPS

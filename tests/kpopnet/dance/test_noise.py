@@ -56,6 +56,26 @@ def test_perfect_dancing_scores_high_and_faults_cost_what_they_cost_on_true_join
     assert scored(0, dance_joints_m(1), known).similarity < 20
 
 
+def test_a_fault_of_what_is_seen_badly_costs_as_much_as_on_true_joints(monkeypatch):
+    arms = [Joint[f"{side}_{part}"] for side in ("LEFT", "RIGHT") for part in ("ELBOW", "HAND")]
+
+    def arms_seen_badly(joints_m, seed):
+        found_m, confidence = joints_m.copy(), np.full(joints_m.shape[:2], 0.99)
+        found_m[:, arms], confidence[:, arms] = noisy(joints_m, 0.08, seed)[:, arms], 0.6
+        return Performance(found_m, np.arange(len(joints_m)) / FPS, confidence)
+
+    dances = [performed(dance_joints_m(number)) for number in (3, 4, 5)]
+    own = [noise.own_errors(noise.Seen("", "", one, one, arms_seen_badly(one.joints_m, 7))) for one in dances]
+    monkeypatch.setitem(NOISE, "arms", noise.measured(own)._replace(steady={}))
+    excess = []
+    for number in range(3):
+        dance_m = dance_joints_m(number)
+        wrong_m, teacher = arms_lowered(dance_m, 45), performed(dance_m)
+        seen_badly = score_dance(teacher, arms_seen_badly(wrong_m, 0), replace(OURS, noise="arms"))
+        excess.append(seen_badly.similarity - score_dance(teacher, performed(wrong_m)).similarity)
+    assert abs(np.mean(excess)) < 5  # +12 if legs that are seen well counted more than arms that are not
+
+
 def test_what_is_not_seen_is_not_excused_and_no_score_exceeds_100(known):
     hands = hidden(JOINTS_M, 0, 12, [Joint.LEFT_HAND, Joint.RIGHT_HAND])
     assert scored(0, hands, known).similarity < scored(0, JOINTS_M, known).similarity - 15
@@ -85,3 +105,4 @@ def test_dances_of_two_folders_of_one_name_are_two(tmp_path, capsys):
     noise.main([str(tmp_path / "a" / "train"), str(tmp_path / "b" / "train"), "--estimator", "network"])
     told = capsys.readouterr().out
     assert all(f"{tmp_path / name / 'train'}: 1 learners" in told for name in "ab") and "\n2 learners" in told
+    assert "0.1 s late: AUC of the timing 1.00" in told
