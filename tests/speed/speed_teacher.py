@@ -1,4 +1,4 @@
-"""How well the dance teacher keeps up with a camera of 30 images a second: two sizes of image, tracker and network.
+"""How well the dance teacher keeps up with a camera of 30 images a second: two sizes of image, tracker and network; a webcam.
 
 The camera is a recording of a simulated learner, made beforehand and played in real time, so that no rendering is measured.
 With Chromium, chromedriver and selenium the page is open, and its own figures are told too: from the moment at which an image
@@ -17,11 +17,13 @@ from pathlib import Path
 
 import numpy as np
 from teacher_page import BROWSER, DRIVER, chromium, served
+from webcam_films import FilmedLearner, write_film
 
 from kpopnet.camera import Camera
 from kpopnet.programs.teach import CAMERA_FPS, RECORDING, open_source
 from kpopnet.sources import DepthSource, open_depth
 from kpopnet.teacher.library import Library, TeacherBody, taught_dance
+from kpopnet.teacher.live.webcam import DESCRIPTION, WEBCAM
 from kpopnet.teacher.server import Teaching
 from kpopnet.teacher.tries import Tries
 from synth.body.teacher import teacher_arrays
@@ -72,13 +74,14 @@ def measure() -> Figures:
         library = _library(Path(folder))
         for size, (name, checkpoint) in itertools.product(SIZES, ESTIMATORS.items()):
             recording = _recording(library, size, Path(folder))
-            notes, page = _lesson(library, recording, checkpoint)
+            notes, page = _lesson(library, {RECORDING: "a recording"}, partial(open_source, recording), checkpoint)
             figures |= _figures(f"{size[0]}x{size[1]}_{name}", notes, page)
+        webcam = _lesson(library, {WEBCAM: DESCRIPTION}, partial(open_source, None), None, _film(library, Path(folder)))
     fps = [value for name, (value, *_) in figures.items() if name.endswith(".fps")]
     late = [value for name, (value, *_) in figures.items() if name.endswith(".latency_ms_p95")]
     figures["teacher.fps"] = (min(fps), "images scored/s", "the least of all sizes and estimators")
     figures["teacher.latency_ms_p95"] = (max(late), "ms, image to score on the page", "the most of all sizes and estimators")
-    return figures
+    return figures | _figures(WEBCAM, *webcam)
 
 
 def _library(folder: Path) -> Library:
@@ -103,12 +106,26 @@ def _recording(library: Library, size: tuple[int, int], folder: Path) -> Callabl
     return partial(open_depth, path, camera, CAMERA_FPS)
 
 
-def _lesson(library: Library, recording: Callable[[], DepthSource], checkpoint: str | None) -> tuple[dict, dict]:
-    """Holds a lesson with the page open; the notes of its result, and what the page noted."""
+def _film(library: Library, folder: Path) -> Path:
+    """What a webcam sees of a person who dances perfectly, when it begins with the dance."""
+    dance = library.dance(DANCE)
+    learner = FilmedLearner(dance.quats, dance.hips_m, dance.fps, "perfect", seed=61)
+    frames = range(0, min(round((SECONDS + 1) * dance.fps), len(learner)), round(dance.fps / CAMERA_FPS))
+    write_film(folder / "film.mjpeg", learner, frames)
+    return folder / "film.mjpeg"
+
+
+def _lesson(
+    library: Library,
+    sources: dict[str, str],
+    open_camera: Callable,
+    checkpoint: str | None,
+    webcam: Path | None = None,
+) -> tuple[dict, dict]:
+    """Holds a lesson with the page open; the notes of its result, and what the page noted. `webcam` is the browser's film."""
     with tempfile.TemporaryDirectory() as folder:
-        open_camera, sources = partial(open_source, recording), {RECORDING: "a recording"}
         teaching = Teaching(library, Tries(Path(folder)), open_camera, checkpoint, sources, ("perfect",), ("",))
-        with served(teaching) as address, chromium() as driver:
+        with served(teaching) as address, chromium(webcam=webcam) as driver:
             driver.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": HOOK})
             driver.get(f"{address}#/dance/{DANCE}?go&speed=100")
             until = time.monotonic() + PATIENCE_S

@@ -36,7 +36,7 @@ STEADY_FRAMES, STEADY_S = 5, 0.15
 KERNELS = 60
 """About how many kernels are compiled where nothing is cached: for the progress bar."""
 
-FRAME_PATIENCE_S = 0.2
+FRAME_PATIENCE_S, PICTURE_PATIENCE_S = 0.2, 0.02
 NOBODY_PATIENCE_S = 20.0
 """After this time the lesson is ready although no person is in view; the page says so."""
 
@@ -168,6 +168,7 @@ class RunningLesson:
         self._learners = [Learner() for _ in self._tries]
         camera = self._webcam or open_camera(lesson, dance, self._clock)
         self._camera, self.images = camera.camera, NewestImage(camera)
+        self._patience_s = PICTURE_PATIENCE_S if self._webcam else FRAME_PATIENCE_S
         self._estimator.reset()
 
     @property
@@ -189,7 +190,7 @@ class RunningLesson:
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_PATIENCE_S + kernels.count:
             if not self._follow(connection):
                 return False
-            image = self.images.fetch(FRAME_PATIENCE_S)
+            image = self.images.fetch(self._patience_s)
             if image is None:
                 if self.images.ended:
                     raise InputError(self.images.error or "the recording ended before the dance began")
@@ -212,9 +213,10 @@ class RunningLesson:
             self._step()
 
     def _follow(self, connection: Connection) -> bool:
-        """Does what the server has sent; returns whether the lesson goes on."""
-        while connection.poll():
-            kind, *words = connection.recv()
+        """Does what the server has sent; returns whether the lesson goes on. A webcam's pictures are sent: it waits for one."""
+        patience_s = FRAME_PATIENCE_S if self._webcam else 0.0
+        while connection.poll(patience_s):
+            patience_s, (kind, *words) = 0.0, connection.recv()
             if kind == "go":
                 self._tries = self._new_tries()
                 self._clock.start(*words)
@@ -232,7 +234,7 @@ class RunningLesson:
     def _step(self) -> None:
         """One image: pose, score, and what the page shows of it."""
         images, clock = self.images, self._clock
-        image = images.fetch(FRAME_PATIENCE_S)
+        image = images.fetch(self._patience_s)
         self._follow_away(images.away)
         if image is not None:
             people, shown = self._estimator.update(image.depth_m, self._camera, image.taken), []

@@ -75,6 +75,7 @@ export class Webcam {
       const bars = this.draw();
       await pose.send({ image: this.picture });
       if (!this.closed) this.seen(pointsOf(this.found, bars), Math.max(performance.now() - taken, 0));
+      await new Promise(requestAnimationFrame); // what came meanwhile is drawn before the next picture keeps the page busy
     }
     return undefined;
   }

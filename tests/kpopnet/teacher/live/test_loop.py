@@ -15,6 +15,7 @@ from kpopnet.sources.source import CameraAwayError
 from kpopnet.teacher.live import loop
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import Learner, choose_each
+from kpopnet.teacher.live.webcam import WEBCAM, read_seen
 
 FPS, LATE_S = 30, 0.2
 
@@ -193,6 +194,30 @@ def test_the_dance_stands_still_while_the_camera_is_away_or_a_pause_is_asked_for
     told(server, "done", after)
     times_s = [frame["time_s"] for frame in after if frame["time_s"] is not None]
     assert min(times_s) < resumed_s < max(times_s) - 1
+
+
+def test_each_picture_of_a_webcam_is_used_when_it_comes(library, monkeypatch):
+    """They come as messages, for which nobody listens who waits for an image of a camera."""
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: None)
+    monkeypatch.setattr(loop, "FRAME_PATIENCE_S", 1000.0)
+    monkeypatch.setattr(loop, "NOBODY_PATIENCE_S", 0.0)
+    server, other = multiprocessing.Pipe()
+    thread = threading.Thread(target=loop.serve_lessons, args=(other, None, None), daemon=True)
+    thread.start()
+    server.send(("prepare", 1, Lesson("dance_001", source=WEBCAM, to_s=4.0), library.dance("dance_001")))
+    seen, kinds = read_seen({"points": [], "age_ms": 0.0}), []
+    while "ready" not in kinds:
+        server.send(("see", seen))
+        kinds += [server.recv()[1]] if server.poll(0.2) else []
+    for _ in range(5):
+        while server.poll(0.5):  # of pictures before
+            server.recv()
+        server.send(("see", seen))
+        assert server.poll(20) and server.recv()[1] == "frame"
+    server.send(("stop",))
+    server.send(("quit",))
+    thread.join(20)
+    assert not thread.is_alive()
 
 
 @pytest.mark.parametrize("held", [2], indirect=True)

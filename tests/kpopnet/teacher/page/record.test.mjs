@@ -7,7 +7,7 @@ let now_ms, video, onPose, track, listeners, view;
 const anything = new Proxy(() => {}, { get: (_, name) => (name === Symbol.toPrimitive ? () => 0 : anything), apply: () => anything });
 const { createElement } = document;
 Object.assign(globalThis, {
-  devicePixelRatio: 1, location: { hash: "" }, requestAnimationFrame() {}, getComputedStyle: () => ({}),
+  devicePixelRatio: 1, location: { hash: "" }, requestAnimationFrame: (call) => (call.name === "animate" ? 0 : queueMicrotask(call)), getComputedStyle: () => ({}),
   AudioContext: function AudioContext() { return anything; },
   OfflineAudioContext: class { decodeAudioData = () => new Promise(() => {}); }, // a song that is read for as long as the test lasts
   Pose: class {
