@@ -73,9 +73,9 @@ export class Webcam {
     while (!this.closed) {
       const taken = await nextPicture(this.video);
       const bars = this.draw();
+      await new Promise((go) => { setTimeout(go); }); // the page is drawn before the picture keeps it busy
       await pose.send({ image: this.picture });
       if (!this.closed) this.seen(pointsOf(this.found, bars), Math.max(performance.now() - taken, 0));
-      await new Promise(requestAnimationFrame); // what came meanwhile is drawn before the next picture keeps the page busy
     }
     return undefined;
   }

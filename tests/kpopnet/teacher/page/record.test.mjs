@@ -7,7 +7,7 @@ let now_ms, video, onPose, track, listeners, view;
 const anything = new Proxy(() => {}, { get: (_, name) => (name === Symbol.toPrimitive ? () => 0 : anything), apply: () => anything });
 const { createElement } = document;
 Object.assign(globalThis, {
-  devicePixelRatio: 1, location: { hash: "" }, requestAnimationFrame: (call) => (call.name === "animate" ? 0 : queueMicrotask(call)), getComputedStyle: () => ({}),
+  devicePixelRatio: 1, location: { hash: "" }, requestAnimationFrame() {}, getComputedStyle: () => ({}),
   AudioContext: function AudioContext() { return anything; },
   OfflineAudioContext: class { decodeAudioData = () => new Promise(() => {}); }, // a song that is read for as long as the test lasts
   Pose: class {
@@ -40,7 +40,7 @@ const PAGE = "../../../../kpopnet/teacher/page/";
 const { record } = await import(`${PAGE}record.js`);
 const { songTempo } = await import(`${PAGE}song.js`);
 const part = (id) => view.querySelector(`#${id}`);
-const settled = () => new Promise(globalThis.setImmediate);
+const settled = () => new Promise((go) => { setTimeout(go, 5); });
 
 beforeEach(async () => {
   [now_ms, listeners, location.hash, track] = [1000, {}, "", Object.assign(createElement("track"), { stop() {} })];
