@@ -31,16 +31,14 @@ from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.teacher.live.webcam import CAMERA, read_seen, seen_joints
-from synth.body.asset import load_body
 from synth.dances.taught import DANCES, composed
 from synth.motion import MotionConfig, MotionSource, build_motion
 from synth.motion.choreography.programmes import show
 from synth.motion.limbs import choose
-from synth.motion.skeleton import LEG_M, Motion
+from synth.motion.skeleton import Motion
 from synth.motion.splice import resampled
-from synth.samples.sampler import body_rotations
 from synth.simulated.generator import is_faulty, random_excerpt
-from tools.measure_webcam import FilmedLearner, points_in, webcam_page
+from tools.measure_webcam import FilmedLearner, on_body, points_in, webcam_page
 
 FPS, FRAMES, STRIDE = 30.0, 180, 2
 """Of the motions, and of how many of their frames one is seen."""
@@ -95,10 +93,7 @@ def film(index: int, recordings: MotionSource | None, browser) -> dict[str, np.n
     rng = np.random.default_rng([77, index])
     motion = drawn_motion(rng, index, recordings)
     camera = Camera.from_fov(float(rng.uniform(*FOV_DEG)), CAMERA.width, CAMERA.height)
-    # As `synth.dances.live.motion_of` reads it: from y up, z in front to z up, -y in front.
-    hips_m = motion.root_m[:, (0, 2, 1)] * (1, -1, 1) * LEG_M / motion.leg_m
-    quats = body_rotations(load_body(), motion.quats, 0.0, np.zeros(2))
-    learner = FilmedLearner(quats, hips_m, FPS, "perfect", seed=700_000 + index, camera=camera)
+    learner = FilmedLearner(*on_body(motion), FPS, "perfect", seed=700_000 + index, camera=camera)
     numbers, points, true_m = range(0, len(learner), STRIDE), [], []
     for number in numbers:
         bgr, joints_m = learner.picture(number)

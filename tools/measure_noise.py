@@ -213,7 +213,7 @@ def summary(learners: Sequence[Seen], scores: Sequence[Scored]) -> str:
     for fault in sorted({one.fault for one in learners} - {"perfect_0", "perfect_1"}):
         chosen = np.array([one.fault == fault for one in learners])
         means = ", ".join(f"{values[chosen].mean():.1f}" for values in (true, unknown, known))
-        areas = ", ".join(f"{_area(values[perfect], values[chosen]):.2f}" for values in (true, unknown, known))
+        areas = ", ".join(f"{area(values[perfect], values[chosen]):.2f}" for values in (true, unknown, known))
         lines.append(f"{fault}: true, noise unknown, known: {means}; AUC {areas}")
     return "\n".join(lines)
 
@@ -230,12 +230,12 @@ def lateness(learners: Sequence[Seen], noise: EstimatorNoise) -> str:
     del NOISE[TESTED]
     if not perfect:
         return "nobody dances perfectly: lateness was not looked at"
-    return ", ".join(f"{late_s} s late: AUC of the timing {_area(timings[0.0], timings[late_s]):.2f}" for late_s in LATE_S)
+    return ", ".join(f"{late_s} s late: AUC of the timing {area(timings[0.0], timings[late_s]):.2f}" for late_s in LATE_S)
 
 
-def _area(better: np.ndarray, worse: np.ndarray) -> float:
+def area(better: Sequence[float] | np.ndarray, worse: Sequence[float] | np.ndarray) -> float:
     """How often, of all pairs, the better learner has the higher score; an equal one counts as half."""
-    difference = better[:, None] - worse
+    difference = np.subtract.outer(better, worse)
     return float(((difference > 0) + (difference == 0) / 2).mean())
 
 

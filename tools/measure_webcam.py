@@ -24,7 +24,8 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from tools.measure_noise import Seen, enter, measured, own_errors, scored_by_others, spread, summary
+from tools.graded_learners import FAULTS
+from tools.measure_noise import Seen, area, enter, measured, own_errors, scored_by_others, spread, summary
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "helpers"))
@@ -42,8 +43,11 @@ from kpopnet.teacher.live.lesson import Lesson  # noqa: E402
 from kpopnet.teacher.live.loop import noise_of  # noqa: E402
 from kpopnet.teacher.live.score import scorer_config  # noqa: E402
 from kpopnet.teacher.live.webcam import WEBCAM, recorded  # noqa: E402
+from synth.body.asset import load_body  # noqa: E402
 from synth.dances.live import LATE_S  # noqa: E402
-from synth.dances.taught import DANCES, Teacher  # noqa: E402
+from synth.dances.taught import DANCES, Teacher, composed  # noqa: E402
+from synth.motion.skeleton import LEG_M, Motion  # noqa: E402
+from synth.samples.sampler import body_rotations  # noqa: E402
 
 SECONDS, STRIDE = 8.0, 2
 """Length of a learner's film, and of how many frames of the dance, 30 a second, one is filmed."""
@@ -53,6 +57,8 @@ LEVELS = ("best", "bad", "worst")
 NO_POINTS = np.full((33, 6), np.nan)
 JUDGED = (("perfect", ""), ("perfect", "left arm"), *((level, "") for level in LEVELS))
 FITTED = (*JUDGED, ("good", ""))
+GRADED = (("arm", "15"), ("arms", "10"), ("forward", "15"), ("smaller", "15"))
+"""One fault of known size each, of tools/graded_learners.py: degrees, or percent of the amplitude."""
 
 FIND = """
 const [picture, first, step_ms, done] = arguments;
@@ -119,8 +125,12 @@ def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseE
     if not path.exists():
         made = Teacher().dance(dance)
         taught = taught_dance(made.name, made.fps, made.bpm, made.joints_m, made.quats, made.hips_m)
-        # In a dance best and good are one person, all others differ; no person of the judged dances is in another.
-        learner = FilmedLearner(made.quats, made.hips_m, made.fps, skill, fault, seed=1000 * dance + len(skill + fault))
+        # In a dance best and good are one person, all others differ but for graded ones; no person is in another dance.
+        seed, quats, hips_m = 1000 * dance + len(skill + fault), made.quats, made.hips_m
+        if (skill, fault) in GRADED:
+            quats, hips_m = on_body(FAULTS[skill](composed(dance)[0], float(fault)))
+            skill, fault = "perfect", ""
+        learner = FilmedLearner(quats, hips_m, made.fps, skill, fault, seed=seed)
         frames = range(0, min(round(SECONDS * made.fps), len(learner)), STRIDE)
         depth.reset()
         found: dict[str, list] = {"true": [], "points": [], "depth": [], "depth_seen": []}
@@ -139,6 +149,13 @@ def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseE
         teacher = Performance(stored["teacher"], np.arange(len(stored["teacher"])) / 30)
         true, by_depth = (Performance(stored[name], stored["times"], stored.get(f"{name}_seen")) for name in ("true", "depth"))
         return Filmed(dance, teacher, true, by_webcam(stored["points"], stored["times"]), by_depth)
+
+
+def on_body(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """(T, B, 4) rotations of the bones of the generator's body, and (T, 3) hips in metres, that dance a motion."""
+    # As `synth.dances.live.motion_of` reads it: from y up, z in front to z up, -y in front.
+    hips_m = motion.root_m[:, (0, 2, 1)] * (1, -1, 1) * LEG_M / motion.leg_m
+    return body_rotations(load_body(), motion.quats, 0.0, np.zeros(2)), hips_m
 
 
 def by_webcam(points: np.ndarray, times_s: np.ndarray) -> Performance:
@@ -175,7 +192,9 @@ def fit(learners: dict[str, list[Filmed]], write: bool) -> None:
         enter(WEBCAM, noise)
 
 
-def judge(learners: dict[str, list[Filmed]], others: Sequence[Filmed], depth_noise: str) -> dict[str, Any]:
+def judge(
+    learners: dict[str, list[Filmed]], graded: dict[str, list[Filmed]], others: Sequence[Filmed], depth_noise: str
+) -> dict[str, Any]:
     """Prints joints and scores of other dances and people than were fitted; `others` dance another dance."""
     everybody, figures = [one for group in learners.values() for one in group], {}
     for eye in ("webcam", "depth"):
@@ -196,6 +215,7 @@ def judge(learners: dict[str, list[Filmed]], others: Sequence[Filmed], depth_noi
         danced = {kind: [(one, getattr(one, eye)) for one in group] for kind, group in learners.items()}
         perfect = danced["perfect"]
         late = [(one, Performance(seen.joints_m, seen.times_s + LATE_S, seen.confidence)) for one, seen in perfect]
+        danced |= {kind: [(one, getattr(one, eye)) for one in group] for kind, group in graded.items()}
         danced |= {"another dance": [(one, getattr(other, eye)) for one, _ in perfect for other in others], "late": late}
         scored = {kind: [_score(*pair, noise) for pair in pairs] for kind, pairs in danced.items()}
         points = {kind: [one.similarity for one in group] for kind, group in scored.items()}
@@ -212,12 +232,14 @@ def judge(learners: dict[str, list[Filmed]], others: Sequence[Filmed], depth_noi
             "rms": float(np.sqrt((error**2).mean())),
             "uncertainty": float(np.median(uncertainty)),
             "within_uncertainty": float(100 * np.mean(abs(error) <= uncertainty)),
+            "auc": {kind: area(points["perfect"], points[kind]) for kind in (*graded, "perfect_left_arm")},
             "scores": {kind: [float(f(one)) for f in (np.mean, min, max)] for kind, one in points.items()},
         }
-        told = {key: value for key, value in figures[name].items() if key != "scores"}
+        told = {key: value for key, value in figures[name].items() if key not in ("scores", "auc")}
         print(name, ", ".join(f"{key} {value:.2f}" for key, value in told.items()))
         for kind, (mean, least, greatest) in figures[name]["scores"].items():
-            print(f"  {kind:18s} {mean:5.1f} ({least:.0f} to {greatest:.0f})")
+            auc = figures[name]["auc"].get(kind)
+            print(f"  {kind:18s} {mean:5.1f} ({least:.0f} to {greatest:.0f})" + ("" if auc is None else f", AUC {auc:.2f}"))
     return figures
 
 
@@ -244,7 +266,8 @@ def main() -> None:
     else:
         others = all_filmed(given.folder, FIT_DANCES[: given.dances], FITTED[:1], depth)["perfect"]
         learners = all_filmed(given.folder, JUDGED_DANCES[: given.dances], JUDGED, depth)
-        figures = judge(learners, others, noise_of(depth))
+        graded = all_filmed(given.folder, JUDGED_DANCES[: given.dances], GRADED, depth)
+        figures = judge(learners, graded, others, noise_of(depth))
         if given.figures:
             about = {"what": "SIMULATED learners in colour", "learners": sum(map(len, learners.values()))}
             write_json(given.figures, about | measured_by() | figures)
