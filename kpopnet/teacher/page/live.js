@@ -75,7 +75,8 @@ export class Live {
     if (!this.newest) return;
     const [frame, picture] = this.newest;
     this.newest = null;
-    this.on.frame(frame, this.webcam?.picture || picture);
+    const age_ms = this.clock.since(frame.taken_ms, Date.now());
+    this.on.frame(frame, this.webcam?.pictureOf(performance.now() - age_ms) || picture);
     const page_ms = Date.now();
     this.on.drawn(this.clock.since(frame.taken_ms, page_ms));
     if (this.socket) this.send({ do: "drawn", page_ms });

@@ -6,7 +6,7 @@ export const WEBCAM = "webcam";
 const WITHOUT_DEPTH = "A webcam sees no depth: its scores are less sure. A depth camera adds places in metres, limbs in front of "
   + "or behind the body, and works in any light. The picture stays in this browser.";
 
-const VENDOR = "/page/vendor/mediapipe/", WIDTH = 640, HEIGHT = 480;
+const VENDOR = "/page/vendor/mediapipe/", WIDTH = 640, HEIGHT = 480, KEPT = 8;
 const REFUSALS = {
   NotAllowedError: "the browser may not use the webcam; allow it beside the address of this page, then press Start",
   NotFoundError: "no webcam was found; plug one in, or choose another source",
@@ -54,7 +54,8 @@ export class Webcam {
   // seen(points, age_ms) is told of each picture, age_ms after it was taken; failed(text) why there are none.
   constructor(seen, failed) {
     Object.assign(this, { seen, failed, closed: false, found: {} });
-    this.picture = Object.assign(document.createElement("canvas"), { width: WIDTH, height: HEIGHT });
+    // The last pictures, when each was taken in milliseconds of `performance.now`, the one that is looked at at the end.
+    this.pictures = Array.from({ length: KEPT }, () => ({ taken: -Infinity, canvas: Object.assign(document.createElement("canvas"), { width: WIDTH, height: HEIGHT }) }));
     this.video = Object.assign(document.createElement("video"), { muted: true, playsInline: true });
     this.watch().catch((error) => this.closed
       || failed(REFUSALS[error.name] ? say(REFUSALS[error.name]) : say("the webcam failed: {reason}", { reason: error.message })));
@@ -72,7 +73,7 @@ export class Webcam {
     pose.onResults((found) => { this.found = found; });
     while (!this.closed) {
       const taken = await nextPicture(this.video);
-      const bars = this.draw();
+      const bars = this.draw(taken);
       await new Promise((go) => { setTimeout(go); }); // the page is drawn before the picture keeps it busy
       await pose.send({ image: this.picture });
       if (!this.closed) this.seen(pointsOf(this.found, bars), Math.max(performance.now() - taken, 0));
@@ -80,8 +81,19 @@ export class Webcam {
     return undefined;
   }
 
-  // The whole of the video in the middle of the picture; returns the share of the picture's width and height beside it.
-  draw() {
+  get picture() {
+    return this.pictures.at(-1).canvas;
+  }
+
+  // The picture taken at a moment: joints are drawn over the one in which they were found.
+  pictureOf(taken) {
+    return this.pictures.reduce((best, one) => (Math.abs(one.taken - taken) < Math.abs(best.taken - taken) ? one : best)).canvas;
+  }
+
+  // The whole of the video in the middle of the oldest picture, which becomes the newest; returns the share of the picture's width
+  // and height beside it.
+  draw(taken) {
+    this.pictures.push(Object.assign(this.pictures.shift(), { taken }));
     const { videoWidth, videoHeight } = this.video, zoom = Math.min(WIDTH / videoWidth, HEIGHT / videoHeight);
     const [wide, high] = [zoom * videoWidth, zoom * videoHeight];
     this.picture.getContext("2d").drawImage(this.video, (WIDTH - wide) / 2, (HEIGHT - high) / 2, wide, high);

@@ -39,6 +39,7 @@ mock.method(performance, "now", () => now_ms);
 const PAGE = "../../../../kpopnet/teacher/page/";
 const { record } = await import(`${PAGE}record.js`);
 const { songTempo } = await import(`${PAGE}song.js`);
+const { Webcam } = await import(`${PAGE}webcam.js`);
 const part = (id) => view.querySelector(`#${id}`);
 const settled = () => new Promise((go) => { setTimeout(go, 5); });
 
@@ -124,4 +125,14 @@ test("a lesson is saved once, and again if that failed", async () => {
   asked[1][1](Response.json({ identity: "ours" }));
   await again;
   assert.equal(location.hash, "#/dance/ours");
+});
+
+test("joints are drawn over the picture in which they were found, not over the newest", async () => {
+  const told = [], webcam = new Webcam((points, age_ms) => told.push([now_ms - age_ms, webcam.picture]), assert.fail);
+  await settled();
+  for (const at_s of [1, 1.1, 1.2]) await picture(at_s);
+  webcam.close();
+  assert.deepEqual(told.map(([taken]) => taken), [1000, 1100, 1200]);
+  assert.equal(new Set(told.map(([, canvas]) => canvas)).size, 3);
+  for (const [taken, canvas] of told) assert.equal(webcam.pictureOf(taken + 20), canvas);
 });
