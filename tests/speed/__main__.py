@@ -20,7 +20,7 @@ LIMITS = {  # what the project promises: at least, at most
     "train.sample_ms": (None, 2),
     "train.data_loss_percent": (None, 10),
     "ridge.vs_distance_transform": (None, 4),
-    "tracker.fps": (500, None),
+    "tracker.fps": (100, None),  # the finder of people takes most of it
     "finder.frame_ms": (None, 4),
     "paper_extraction.frame_ms": (None, 3.3),
     "network.path_fps": (100, None),
