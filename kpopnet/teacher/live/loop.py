@@ -37,6 +37,8 @@ KERNELS = 60
 """About how many kernels are compiled where nothing is cached: for the progress bar."""
 
 FRAME_PATIENCE_S, PICTURE_PATIENCE_S = 0.2, 0.02
+"""How long a lesson waits for the next image or message; and for the thread that hands on a webcam's picture which has come."""
+
 NOBODY_PATIENCE_S = 20.0
 """After this time the lesson is ready although no person is in view; the page says so."""
 

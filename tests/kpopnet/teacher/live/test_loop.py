@@ -197,7 +197,7 @@ def test_the_dance_stands_still_while_the_camera_is_away_or_a_pause_is_asked_for
 
 
 def test_each_picture_of_a_webcam_is_used_when_it_comes(library, monkeypatch):
-    """They come as messages, for which nobody listens who waits for an image of a camera."""
+    """They come as messages, which a lesson that waits for an image of a camera does not read."""
     monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: None)
     monkeypatch.setattr(loop, "FRAME_PATIENCE_S", 1000.0)
     monkeypatch.setattr(loop, "NOBODY_PATIENCE_S", 0.0)
@@ -209,6 +209,7 @@ def test_each_picture_of_a_webcam_is_used_when_it_comes(library, monkeypatch):
     while "ready" not in kinds:
         server.send(("see", seen))
         kinds += [server.recv()[1]] if server.poll(0.2) else []
+        assert "error" not in kinds
     for _ in range(5):
         while server.poll(0.5):  # of pictures before
             server.recv()
