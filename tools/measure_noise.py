@@ -229,7 +229,7 @@ def lateness(learners: Sequence[Seen], noise: EstimatorNoise) -> str:
         timings[late_s] = np.array([score_dance(one.teacher, seen, known).timing for one, seen in pairs])
     del NOISE[TESTED]
     if not perfect:
-        return "nobody dances perfectly: lateness was not looked at"
+        return "no learner dances perfectly: lateness was not looked at"
     return ", ".join(f"{late_s} s late: AUC of the timing {area(timings[0.0], timings[late_s]):.2f}" for late_s in LATE_S)
 
 
