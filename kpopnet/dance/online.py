@@ -1,7 +1,9 @@
 """The score during the dance: gives the same result as `kpopnet.dance.scoring.score_dance`, frame by frame.
 
 A frame of the uniform time grid is computed as soon as all samples within its smoothing kernel have arrived, `lag_s` later.
-Each new frame adds one row of distances, and the window that ends at it is scored as `score_dance` would score it.
+Each new frame adds one row of distances, and the window that ends at it is scored as `score_dance` would score it. Of the two
+comparisons, with the learner and with the learner's mirror image, only the one that is shown is made frame by frame. The other
+catches up when it is asked for.
 """
 
 import math
@@ -58,8 +60,13 @@ class OnlineScorer:
         self._grid = TimeGrid(derived_torso(teacher) if self._derives_torso else teacher, scorer.feature, free_s=free_s)
         prepared = scorer.teacher(self._grid.teacher)
         self._direct, self._mirrored = (Comparison(self._grid, prepared, mirrored) for mirrored in (False, True))
-        # Joints and confidence at the last frames of the grid, and the samples that later frames need.
-        self._recent: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=FEATURES[scorer.feature].history_frames(FPS))
+        self._shown, self._other = self._direct, self._mirrored
+        if scorer.mirrored == "true":
+            self._shown, self._other = self._other, self._shown
+        # Joints and confidence at the grid's frames that the comparison which is not shown lacks, the last `_behind`, and at
+        # those before that features look back on; and the samples that later frames need.
+        self._frames: list[tuple[np.ndarray, np.ndarray]] = []
+        self._history, self._behind = FEATURES[scorer.feature].history_frames(FPS), 0
         self._samples: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
         self._first = self._next = self._given = 0
         self._is_observed = False
@@ -102,17 +109,17 @@ class OnlineScorer:
         start = max(stop - WINDOW_FRAMES, 0)
         if not self._samples or stop - start < min(round(least_s * FPS), WINDOW_FRAMES):
             return None
-        known, new = list(self._recent), [self._frame(frame) for frame in range(self._next, stop)]
-        shown, _ = self._preferred()
+        known, new = self._frames[-self._history :], [self._frame(frame) for frame in range(self._next, stop)]
         if new:
-            self._add([*known, *new], shown, len(new))
+            _add([*known, *new], self._shown, len(new))
         try:
-            return self._score(stop - 1, shown, shown.window(start, stop - start))
+            return self._score(stop - 1, self._shown.window(start, stop - start))
         finally:
-            shown.remove(len(new))
+            self._shown.remove(len(new))
 
     def score_so_far(self) -> DanceScore | None:
         """The score of the windows that are complete, with everything that `score_dance` returns; None before the first one."""
+        self._catch_up()
         return preferred(self._direct.summary(), self._mirrored.summary()) if self._latest else None
 
     def finish(self) -> DanceScore:
@@ -127,31 +134,45 @@ class OnlineScorer:
 
     def _skip(self, stop: int) -> None:
         """No person was recorded in the frames up to `stop`."""
+        self._catch_up()
         begin, self._next = self._next, max(self._next, stop)
         for comparison in (self._direct, self._mirrored):
             comparison.add_missing(self._next - begin)
-            comparison.keep_windows(self._next)
+        self._catch_up()
 
     def _score_frames(self, before_s: float, stop: int) -> None:
         """Scores the grid's frames before a time in seconds and before the frame `stop`."""
         while self._next < stop and self._grid.time_s(self._next) < before_s:
-            self._score_frame(self._next)
-            self._next += 1
+            self._score_frame()
 
-    def _score_frame(self, frame: int) -> None:
-        at_s = float(self._grid.time_s(frame))
+    def _score_frame(self) -> None:
+        """Scores the next frame of the grid."""
+        at_s = float(self._grid.time_s(self._next))
         while len(self._samples) > 1 and self._samples[0][0] < at_s - self.lag_s:
             self._samples.popleft()
-        self._recent.append(self._frame(frame))
-        shown, other = self._preferred()
-        for comparison in (shown, other):
-            self._add(list(self._recent), comparison, 1)
-        start = frame + 1 - WINDOW_FRAMES
+        self._frames.append(self._frame(self._next))
+        self._next, self._behind = self._next + 1, self._behind + 1
+        _add(self._frames[-self._history :], self._shown, 1)
+        start = self._next - WINDOW_FRAMES
         if start < 0:
             return
-        other.keep_windows(frame + 1)
-        window = shown.kept[-1] if shown.keep_windows(frame + 1) else shown.window(start)
-        self._latest = self._score(frame, shown, window)
+        is_kept = self._shown.keep_windows(self._next)
+        window = self._shown.kept[-1] if is_kept else self._shown.window(start)
+        self._latest = self._score(self._next - 1, window)
+        if is_kept and self.scorer.mirrored == "auto":
+            self._catch_up()
+
+    def _catch_up(self) -> None:
+        """Adds to the comparison that is not shown the frames that it lacks; from now on the preferred one is shown."""
+        if self._behind:
+            _add(self._frames, self._other, self._behind)
+        self._frames, self._behind = self._frames[-self._history :], 0
+        for comparison in (self._direct, self._mirrored):
+            comparison.keep_windows(self._next)
+        if self.scorer.mirrored == "auto":
+            fits_better = self._mirrored.so_far > self._direct.so_far + MIRROR_MARGIN
+            order = (self._mirrored, self._direct) if fits_better else (self._direct, self._mirrored)
+            self._shown, self._other = order
 
     def _frame(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
         """(15, 3) joints and (15,) confidence at a frame of the grid, of the samples that are there."""
@@ -159,24 +180,18 @@ class OnlineScorer:
         joints_m, confidence = resampled(samples_m, confidence, times_s, np.array([float(self._grid.time_s(frame))]))
         return joints_m[0], confidence[0]
 
-    def _add(self, frames: list[tuple[np.ndarray, np.ndarray]], comparison: Comparison, new: int) -> None:
-        """Adds the last `new` of successive frames of joints and confidence to a comparison."""
-        joints_m, confidence = (np.array(column) for column in zip(*frames, strict=True))
-        comparison.add(joints_m, confidence, new)
-
-    def _preferred(self) -> tuple[Comparison, Comparison]:
-        """The comparison that is shown, and the other one."""
-        direct, mirrored, asked = self._direct, self._mirrored, self.scorer.mirrored
-        if asked == "true" or (asked == "auto" and mirrored.so_far > direct.so_far + MIRROR_MARGIN):
-            return mirrored, direct
-        return direct, mirrored
-
-    def _score(self, frame: int, shown: Comparison, window: WindowScore) -> OnlineScore:
-        """The score of a window that ends with a frame."""
+    def _score(self, frame: int, window: WindowScore) -> OnlineScore:
+        """The score of a window that ends with a frame, of the comparison that is shown."""
         parts = {
             name: float(value)
             for name, value in zip(PARTS, np.minimum(window.parts, window.parts_most), strict=True)
             if not math.isnan(value)
         }
         whole = window.delay_s, window.timing, min(window.posture, window.most), min(window.similarity, window.limit)
-        return OnlineScore(float(self._grid.time_s(frame)), *whole, parts, shown.so_far, shown.mirrored)
+        return OnlineScore(float(self._grid.time_s(frame)), *whole, parts, self._shown.so_far, self._shown.mirrored)
+
+
+def _add(frames: list[tuple[np.ndarray, np.ndarray]], comparison: Comparison, new: int) -> None:
+    """Adds the last `new` of successive frames of joints and confidence to a comparison."""
+    joints_m, confidence = (np.array(column) for column in zip(*frames, strict=True))
+    comparison.add(joints_m, confidence, new)

@@ -251,6 +251,18 @@ def test_copying_a_teacher_who_stands_still_earns_nothing_online_either():
     assert latest.so_far < 5 and online.score_so_far().windows.similarity[0] > 99
 
 
+@pytest.mark.parametrize("asked", ["false", "true", "auto"])
+def test_asking_for_the_score_so_far_changes_nothing(asked):
+    """Half of the dance as the teacher's mirror image: what is shown may change, and the other comparison lags behind it."""
+    learner_m = np.concatenate([dance_joints_m(1)[:120], mirrored(dance_joints_m(1))[120:]])
+    online, looked_at = (OnlineScorer(performed(dance_joints_m(1)), PartScorer(asked)) for _ in range(2))
+    for frame, joints_m in enumerate(learner_m):
+        np.testing.assert_equal(looked_at.update(joints_m, frame / FPS), online.update(joints_m, frame / FPS))
+        if frame % 37 == 0:
+            looked_at.score_so_far()
+    np.testing.assert_equal(looked_at.finish(), online.finish())
+
+
 @pytest.mark.parametrize("scorer", [OURS, SCORERS["paper"]])
 def test_a_learner_who_joins_late_and_leaves_early_scores_the_same_online(scorer):
     teacher_m, frames = dance_joints_m(1), np.arange(100, 260)
