@@ -22,8 +22,9 @@ import numpy as np
 from scipy.optimize import least_squares, minimize
 from tqdm import tqdm
 
-from kpopnet.dance.dtw import PathDistances, distances_on_path
+from kpopnet.dance.dtw import PathDistances
 from kpopnet.dance.features import FEATURES
+from kpopnet.dance.noise.sight import path_distances, segment_differences
 from kpopnet.dance.noise.steady import PART_OF_SEGMENT, SEGMENTS, steady_squared
 from kpopnet.dance.noise.table import NOISE, TABLE, EstimatorNoise, doubt, known_noise
 from kpopnet.dance.parts import CONTEXT_FRAMES, HOP_FRAMES
@@ -114,11 +115,13 @@ def of_images(folder: Path, estimator: Estimator) -> list[Seen]:
     return found
 
 
-def own_errors(seen: Seen) -> Own:
+def own_errors(seen: Seen, sees_depth: bool = True) -> Own:
+    """The errors of a learner's estimated joints; `sees_depth` as of `EstimatorNoise`."""
     grid = TimeGrid(seen.true, CONFIG.feature)
     estimated = grid.features(*grid.resampled(seen.estimated, grid.frames))
     frames, parts = np.arange(len(estimated.angles_rad)), part_of_angles(CONFIG.feature)
-    distances = distances_on_path(np.stack([frames, np.zeros_like(frames)], axis=1), estimated, grid.teacher, 0, parts)
+    path = np.stack([frames, np.zeros_like(frames)], axis=1)
+    distances = path_distances(path, estimated, grid.teacher, 0, parts, sees_depth)
     shown = (distances.taught > 0) & (distances.seen == 1)
     similarity = np.where(shown, CONFIG.posture(distances.squared[:, 1]), 0.0)
     kept, unsure, steady = [], [], []
@@ -126,12 +129,12 @@ def own_errors(seen: Seen) -> Own:
         rows = slice(stop - WINDOW_FRAMES, stop)
         kept.append(similarity[rows].sum(axis=0) / or_nan(shown[rows].sum(axis=0)))
         unsure.append(doubt(distances.confidence[max(stop - CONTEXT_FRAMES, 0) : stop]))
-        steady.append(steady_squared(*(one.angles_rad[rows] for one in (estimated, grid.teacher))))
+        steady.append(steady_squared(segment_differences(estimated.at(rows), grid.teacher.at(rows), sees_depth)))
     return Own(distances, np.array(kept), np.array(unsure), np.array(steady))
 
 
-def measured(errors: Sequence[Own]) -> EstimatorNoise:
-    """The noise of the estimator of learners with these errors, of spread 1."""
+def measured(errors: Sequence[Own], sees_depth: bool = True) -> EstimatorNoise:
+    """The noise of the estimator of learners with these errors, of spread 1; `sees_depth` as for `own_errors`."""
     own = [one.distances for one in errors]
     signed, weights = (np.concatenate([getattr(one, name) for one in own]) for name in ("signed", "weights"))
     mean = (np.nan_to_num(signed) ** 2 * weights).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-9)
@@ -145,7 +148,7 @@ def measured(errors: Sequence[Own]) -> EstimatorNoise:
         windows = unsure[:, parts][known], kept[:, parts][known]
         fitted = least_squares(_missing_kept, (0.0, 0.5), bounds=((-9, 0), (6, 3)), args=windows).x
         loss[kind] = (round(float(np.exp(fitted[0])), 3), round(float(fitted[1]), 3))
-    return EstimatorNoise(std_rad, loss, 1.0, _steady(steady_rad2, unsure[:, PART_OF_SEGMENT]))
+    return EstimatorNoise(std_rad, loss, 1.0, _steady(steady_rad2, unsure[:, PART_OF_SEGMENT]), sees_depth)
 
 
 def _steady(steady_rad2: np.ndarray, unsure: np.ndarray) -> dict[str, tuple[float, float]]:
@@ -179,11 +182,11 @@ def scored(one: Seen, noise: EstimatorNoise) -> Scored:
     return Scored(true, unknown, known.similarity, known.uncertainty)
 
 
-def scored_by_others(learners: Sequence[Seen]) -> list[Scored]:
-    """The scores of all learners, each with the noise that the other dances give."""
-    own, found = [own_errors(one) for one in learners], dict[int, Scored]()
+def scored_by_others(learners: Sequence[Seen], sees_depth: bool = True) -> list[Scored]:
+    """The scores of all learners, each with the noise that the other dances give; `sees_depth` as for `own_errors`."""
+    own, found = [own_errors(one, sees_depth) for one in learners], dict[int, Scored]()
     for dance in sorted({one.dance for one in learners}):
-        noise = measured([errors for one, errors in zip(learners, own, strict=True) if one.dance != dance])
+        noise = measured([errors for one, errors in zip(learners, own, strict=True) if one.dance != dance], sees_depth)
         found |= {number: scored(one, noise) for number, one in enumerate(learners) if one.dance == dance}
     return [found[number] for number in range(len(learners))]
 

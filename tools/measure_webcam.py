@@ -184,8 +184,9 @@ def fit(learners: dict[str, list[Filmed]], write: bool) -> None:
         for kind, group in learners.items()
         for one in group
     ]
-    scores = scored_by_others(seen)
-    noise = measured([own_errors(one) for one in seen])._replace(spread=round(spread(scores), 3))
+    scores = scored_by_others(seen, sees_depth=False)
+    noise = measured([own_errors(one, sees_depth=False) for one in seen], sees_depth=False)
+    noise = noise._replace(spread=round(spread(scores), 3))
     print(summary(seen, [one._replace(uncertainty=noise.spread * one.uncertainty) for one in scores]))
     print(json.dumps({WEBCAM: noise._asdict()}, indent=1))
     if write:

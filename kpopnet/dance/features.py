@@ -75,6 +75,11 @@ class Features(NamedTuple):
     # (T, D) float64 in 0..1: the lowest confidence of the joints that define the angle; 0 where the angle is missing. Changes
     # and turns need earlier frames too: where only these are missing, the angle is NaN but as confident as the torso.
     confidence: np.ndarray
+    joints_m: np.ndarray  # (T, 15, 3) float64, what they are features of, as for `dance_features`
+
+    def at(self, rows: slice | np.ndarray) -> "Features":
+        """The features of some of the frames."""
+        return Features(*(array[rows] for array in self))
 
 
 class Angles(NamedTuple):
@@ -110,7 +115,7 @@ def dance_features(joints_m: np.ndarray, feature: str, fps: float, confidence: n
     angles = compute(joints_m, fps)
     if confidence is None:
         confidence = np.ones(joints_m.shape[:2])
-    return Features(*angles, _angles_confidence(angles.angles_rad, confidence, names))
+    return Features(*angles, _angles_confidence(angles.angles_rad, confidence, names), joints_m)
 
 
 def _angles_confidence(angles_rad: np.ndarray, confidence: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
@@ -149,8 +154,13 @@ def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> An
 
 def limb_directions(joints_m: np.ndarray) -> np.ndarray:
     """(T, 4, 6) unit directions of upper and lower limb in the torso's frames: right arm, left arm, right leg, left leg."""
+    return np.concatenate(_limbs_in(limb_frames(joints_m), joints_m), axis=2)
+
+
+def limb_frames(joints_m: np.ndarray) -> np.ndarray:
+    """(T, 4, 3, 3) rows u, r, t of the torso's frame of each limb, in the order of `limb_directions`."""
     upper, lower = _torso_frames(joints_m)
-    return np.concatenate(_limbs_in(np.stack([upper, upper, lower, lower], axis=1), joints_m), axis=2)
+    return np.stack([upper, upper, lower, lower], axis=1)
 
 
 def _torso_frames(joints_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

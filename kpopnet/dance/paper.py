@@ -114,7 +114,7 @@ class PaperTeacher:
 
     def _as_printed(self, learner: Features, start: int) -> WindowScore:
         """The score of a window by Algorithm 3 as printed, which has no parts."""
-        ahead = Features(*(array[start : start + WINDOW_FRAMES + BAND_FRAMES] for array in self.features))
+        ahead = self.features.at(slice(start, start + WINDOW_FRAMES + BAND_FRAMES))
         timing, posture, half_length = algorithm_3(learner, ahead, self.scorer.alpha, self.scorer.beta, self.scorer.tau * FPS)
         delay_s = (len(learner.angles_rad) / 2 - half_length) / FPS
         unknown = not_compared(learner.angles_rad.shape[1])

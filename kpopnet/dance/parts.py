@@ -31,6 +31,7 @@ import numpy as np
 
 from kpopnet.dance.dtw import best_match, constant_delay, distances_on_path
 from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features
+from kpopnet.dance.noise.sight import path_distances, segment_differences
 from kpopnet.dance.noise.steady import FEATURE, steady_similarity, steady_squared
 from kpopnet.dance.noise.table import NOISE, doubt, kept_by_noise, known_noise, steady_by_noise
 from kpopnet.dance.window import (
@@ -47,6 +48,7 @@ from kpopnet.dance.window import (
     window_score,
 )
 from kpopnet.errors import InputError, check_one_of
+from kpopnet.skeleton import NUM_JOINTS
 
 MIRRORINGS = ("false", "true", "auto")
 
@@ -158,7 +160,7 @@ class PartTeacher:
 
     def standing_similarity(self, rows: slice) -> float:
         """Mean similarity in 0..1 of standing still in the mean pose of some of the teacher's frames; NaN if unknown."""
-        features = Features(*(array[rows] for array in self.features))
+        features = self.features.at(rows)
         taught = np.flatnonzero(np.isfinite(features.angles_rad).any(axis=1))
         path = np.stack([np.zeros_like(taught), taught], axis=1)
         on_path = distances_on_path(path, _standing(features), features, 0, self.parts)
@@ -199,7 +201,7 @@ class PartTeacher:
         `unsure` (P,) is the `doubt` of the parts.
         """
         offset, noise = start - BAND_FRAMES, known_noise(self.scorer.noise)
-        on_path = distances_on_path(path, learner, self.features, offset, self.parts)
+        on_path = path_distances(path, learner, self.features, offset, self.parts, noise.sees_depth)
         shifts, turning = _subframe_shifts(on_path.squared), self.turning[offset + path.sum(axis=1)]
         parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(_squared_at(on_path.squared, shifts)), np.nan)
         # What is unseen stays a loss: the estimator's errors excuse only what is seen.
@@ -218,8 +220,9 @@ class PartTeacher:
         noise, taught = known_noise(self.scorer.noise), np.isfinite(score.parts)
         if not noise.steady or not taught.any():
             return score
-        paired = learner.angles_rad[path[:, 0]], self.features.angles_rad[start - BAND_FRAMES + path.sum(axis=1)]
-        most = steady_similarity(steady_squared(*paired), steady_by_noise(noise.steady, unsure), self.scorer.beta)
+        paired = learner.at(path[:, 0]), self.features.at(start - BAND_FRAMES + path.sum(axis=1))
+        squared = steady_squared(segment_differences(*paired, noise.sees_depth))
+        most = steady_similarity(squared, steady_by_noise(noise.steady, unsure), self.scorer.beta)
         body = self._skill(most[taught].mean(keepdims=True))
         return score._replace(most=100 * float(body[0]), parts_most=100 * most)
 
@@ -248,7 +251,7 @@ def _standing(features: Features) -> Features:
     names = FEATURES[FEATURE].names
     angles = np.where([name in OF_EARLIER_FRAMES for name in names], 0.0, np.arctan2(sine, cosine))
     mean_weight = weights.sum(axis=0) / np.maximum((weights > 0).sum(axis=0), 1)
-    return Features(angles[None], mean_weight[None], np.ones((1, len(names))))
+    return Features(angles[None], mean_weight[None], np.ones((1, len(names))), np.full((1, NUM_JOINTS, 3), np.nan))
 
 
 def _subframe_shifts(squared: np.ndarray) -> np.ndarray:

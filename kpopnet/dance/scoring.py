@@ -27,7 +27,7 @@ from kpopnet.dance.timing import MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore, not_compared
 from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.languages import Said
-from kpopnet.skeleton import MIRROR
+from kpopnet.skeleton import MIRROR, NUM_JOINTS
 
 Scorer = PartScorer | PaperScorer
 Stretches = Sequence[tuple[float, float]]
@@ -339,7 +339,6 @@ class Comparison:
         self._grid, self._teacher, self.mirrored = grid, teacher, mirrored
         self._hop_frames = round(teacher.scorer.hop_s * FPS)
         self._learner = Features(*(np.full_like(array, np.nan) for array in teacher.features))
-        self._learner_m = np.full_like(grid.teacher_m, np.nan)
         # Filled, so that all memory is taken before the dance begins, not page by page while it is scored in real time.
         self._distances = np.full((len(grid.frames), 2 * BAND_FRAMES + 1), np.nan)
         self._end, self.kept = 0, list[WindowScore]()
@@ -352,9 +351,7 @@ class Comparison:
         """
         if self.mirrored:
             joints_m, confidence = joints_m[:, MIRROR] * [-1.0, 1.0, 1.0], confidence[:, MIRROR]
-        features = Features(*(array[-new:] for array in self._grid.features(joints_m, confidence)))
-        self._learner_m[self._end : self._end + new] = joints_m[-new:]
-        self._add(features)
+        self._add(self._grid.features(joints_m, confidence).at(slice(-new, None)))
 
     def _add(self, features: Features) -> None:
         begin, self._end = self._end, self._end + len(features.angles_rad)
@@ -366,7 +363,7 @@ class Comparison:
     def add_missing(self, frames: int) -> None:
         """Adds frames in which no person was seen."""
         missing = np.full((frames, self._learner.angles_rad.shape[1]), np.nan)
-        self._add(Features(missing, missing, np.zeros_like(missing)))
+        self._add(Features(missing, missing, np.zeros_like(missing), np.full((frames, NUM_JOINTS, 3), np.nan)))
 
     def remove(self, frames: int) -> None:
         """Removes the last frames."""
@@ -376,8 +373,8 @@ class Comparison:
         """Scores the window that starts at a frame; all of its frames must have been added."""
         if self._grid.is_free[start + (frames - 1) // 2]:
             return not_compared(self._learner.angles_rad.shape[1])
-        learner = Features(*(array[start : start + frames] for array in self._learner))
         stop = start + frames
+        learner = self._learner.at(slice(start, stop))
         return self._teacher.window(self._distances[:stop], learner, start, self._learner.confidence[:stop])
 
     def keep_windows(self, frames: int) -> bool:
@@ -430,7 +427,7 @@ class Comparison:
             uncertainty=200 * (math.nan if spread is None else spread) * _mean((1 - kept) / kept, weight),
             scorer=scorer,
             teacher_m=self._grid.teacher_m,
-            learner_m=self._learner_m[: self._end],
+            learner_m=self._learner.joints_m[: self._end],
             is_free=self._grid.is_free,
         )
 

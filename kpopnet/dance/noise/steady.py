@@ -24,28 +24,29 @@ LEAST_SHARE = 0.5
 """Nor is one that is known in a smaller share of the frames."""
 
 _NAMES = FEATURES[FEATURE].names
-_INCLINATION = np.array([_NAMES.index(name) for name in LIMB_ANGLES if name.endswith("inclination")])
-_AZIMUTH = _INCLINATION + 1
+INCLINATION = np.array([_NAMES.index(name) for name in LIMB_ANGLES if name.endswith("inclination")])
+AZIMUTH = INCLINATION + 1
+"""(S - 1,) columns of the angles of each limb's segment."""
+
 _TORSO = [_NAMES.index(name) for name in TORSO_ANGLES]
 
-SEGMENTS = (*(_NAMES[number].rpartition("_")[0] for number in _INCLINATION), "torso")
+SEGMENTS = (*(_NAMES[number].rpartition("_")[0] for number in INCLINATION), "torso")
 """Names of the S segments: right_elbow is the right upper arm, right_hand the right forearm, and so on."""
 
-PART_OF_SEGMENT = np.array([*part_of_angles(FEATURE)[_INCLINATION], PARTS.index("torso")])
+PART_OF_SEGMENT = np.array([*part_of_angles(FEATURE)[INCLINATION], PARTS.index("torso")])
 """(S,) number in `PARTS` of each segment's part."""
 
 
 def segment_vectors(angles_rad: np.ndarray) -> np.ndarray:
     """(T, S, 3) unit directions of the limbs' segments, and the torso's angles in radians, of (T, D) angles."""
-    inclination, azimuth = angles_rad[:, _INCLINATION], angles_rad[:, _AZIMUTH]
+    inclination, azimuth = angles_rad[:, INCLINATION], angles_rad[:, AZIMUTH]
     sine = np.sin(inclination)
     limbs = np.stack([np.cos(inclination), sine * np.cos(azimuth), sine * np.sin(azimuth)], axis=2)
     return np.concatenate([limbs, angles_rad[:, None, _TORSO]], axis=1)
 
 
-def steady_squared(learner_rad: np.ndarray, teacher_rad: np.ndarray) -> np.ndarray:
-    """(S,) squared length, radians^2, of the mean difference of (T, D) angles by segment; NaN where it is not to be judged."""
-    difference = segment_vectors(learner_rad) - segment_vectors(teacher_rad)
+def steady_squared(difference: np.ndarray) -> np.ndarray:
+    """(S,) squared length, radians^2, of the mean of (T, S, 3) differences by segment; NaN where it is not to be judged."""
     known = np.isfinite(difference.sum(axis=2))
     count = known.sum(axis=0)
     mean = np.where(known[..., None], difference, 0.0).sum(axis=0) / np.maximum(count, 1)[:, None]

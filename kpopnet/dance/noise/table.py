@@ -26,6 +26,8 @@ class EstimatorNoise(NamedTuple):
     # by the last word of a name of `steady.SEGMENTS` (elbow, hand, knee, foot, torso), a and b: perfect dancing has a steady
     # difference of the root mean square a d^b, radians, of a part of `doubt` d; empty where it was not measured
     steady: dict[str, tuple[float, float]]
+    # whether directions along the line of sight are known as well as those across it, see kpopnet.dance.noise.sight
+    sees_depth: bool = True
 
 
 CERTAIN = 0.003

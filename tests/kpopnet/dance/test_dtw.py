@@ -20,9 +20,10 @@ COSTS = arrays(
 )  # fmt: skip
 
 
-def plain(angles_rad) -> Features:
+def plain(angles_rad, weights=1.0) -> Features:
     angles_rad = np.asarray(angles_rad, float)
-    return Features(angles_rad, np.ones_like(angles_rad), np.ones_like(angles_rad))
+    ones = np.ones_like(angles_rad)
+    return Features(angles_rad, weights * ones, ones, np.full((len(ones), 15, 3), np.nan))
 
 
 def slow_match(distances, slope, penalty, expected):
@@ -89,9 +90,7 @@ def test_frames_that_the_teacher_lacks_neither_attract_nor_repel():
 
 
 def norm(a, b, a_weights=1.0, outlier=math.inf) -> float:
-    ones = np.ones((1, len(a)))
-    learner, teacher = Features(np.array([a]), ones * a_weights, ones), plain([b])
-    return frame_distance(learner, 0, teacher, 0, outlier)
+    return frame_distance(plain([a], a_weights), 0, plain([b]), 0, outlier)
 
 
 def test_differences_are_wrapped_and_weighted_and_missing_ones_excluded():

@@ -8,6 +8,7 @@ from dance_learners import arm_lowered, smaller
 from dance_people import FPS, dance_joints_m, followed, noisy, performed
 
 from kpopnet.dance.features import dance_features
+from kpopnet.dance.noise.sight import segment_differences
 from kpopnet.dance.noise.steady import MOST_EXPECTED_RAD, SEGMENTS, steady_similarity, steady_squared
 from kpopnet.dance.noise.table import NOISE, steady_by_noise
 from kpopnet.dance.online import OnlineScorer
@@ -18,12 +19,9 @@ from kpopnet.skeleton import Joint
 JOINTS_M, BETA = dance_joints_m(0), OURS.beta
 
 
-def angles_rad(joints_m):
-    return dance_features(joints_m, "dance22_turn", FPS).angles_rad
-
-
 def squared(learner_m, teacher_m=JOINTS_M):
-    return dict(zip(SEGMENTS, steady_squared(angles_rad(learner_m), angles_rad(teacher_m)), strict=True))
+    pair = (dance_features(joints_m, "dance22_turn", FPS) for joints_m in (learner_m, teacher_m))
+    return dict(zip(SEGMENTS, steady_squared(segment_differences(*pair, sees_depth=True)), strict=True))
 
 
 @pytest.fixture
