@@ -5,6 +5,7 @@ the person for. The same points in the picture then say where the person stands 
 network of ours (kpopnet.networks.lifting) where the joints are.
 """
 
+import math
 import queue
 import time
 from typing import Any, NamedTuple
@@ -34,6 +35,26 @@ SILENCE_S = 4.0
 LEAST_POINTS, LEAST_JOINTS = 8, 4
 """Of MediaPipe's points and of our joints, those within the picture from which the person's place follows."""
 
+SIDES = {"left": "right", "right": "left"}
+EXCHANGED = [MEDIAPIPE_NAMES.index("_".join(SIDES.get(word, word) for word in name.split("_"))) for name in MEDIAPIPE_NAMES]
+"""Of each of MediaPipe's points the one on the person's other side."""
+
+LIMBS = [
+    number
+    for number, name in enumerate(MEDIAPIPE_NAMES)
+    if name.endswith(("shoulder", "elbow", "wrist", "hip", "knee", "ankle"))
+]
+
+UNSURE, BELIEVED = 0.02, 6.0
+"""Least chance that left and right changed, or did not, between two pictures; and the rate, 1/s, at which the odds that they
+are exchanged fall."""
+
+FIRST = 0.75
+"""The odds of a first picture: if the second one contradicts it, that one is believed."""
+
+FORGOTTEN_S = 0.5
+"""Pictures that lie further apart say nothing about each other's sides."""
+
 NO_DEPTH_M = np.zeros((CAMERA.height // 160, CAMERA.width // 160), np.float32)
 """What a page is sent for the picture, which it has itself."""
 
@@ -44,6 +65,16 @@ class Landmarks(NamedTuple):
     world_m: np.ndarray  # (33, 3) metres about the middle of the hips
     image_px: np.ndarray  # (33, 2) in the picture of `CAMERA`
     visibility: np.ndarray  # (33,) in 0..1, 0 outside the picture
+
+    def exchanged(self) -> "Landmarks":
+        """The same points as of a person who looks the other way: left is right, and front is back."""
+        return Landmarks(self.world_m[EXCHANGED] * [1, 1, -1], self.image_px[EXCHANGED], self.visibility[EXCHANGED])
+
+    def distance_px(self, other: "Landmarks") -> float:
+        """Mean distance in the picture between the joints of limbs, of which those count most that are seen in both."""
+        weights = (self.visibility * other.visibility)[LIMBS]
+        apart_px = np.linalg.norm((self.image_px - other.image_px)[LIMBS], axis=1)
+        return float(weights @ apart_px / max(weights.sum(), 1e-9))
 
 
 class Seen(NamedTuple):
@@ -95,12 +126,17 @@ class WebcamEstimator:
 
     def __init__(self) -> None:
         self._lifting = Lifting.load(shipped_lifting())
+        self.reset()
 
     def reset(self) -> None:
-        pass
+        """Forgets the person."""
+        self._before: Landmarks | None = None
+        self._before_s, self._exchanged = 0.0, 0.0  # seconds, and the chance that left and right were exchanged
 
     def update(self, person: Landmarks | None, camera: Camera, time_s: float | None = None) -> list[PersonPose]:
         """The person with joints (15, 3) in metres before the camera, or none; see `PoseEstimator.update`."""
+        if person is not None and time_s is not None:
+            person = self._on_their_sides(person, time_s)
         if person is None or (seen := seen_joints(person, camera)) is None:
             return []
         turned_m, chance = self._lifting(seen.sighting)
@@ -113,6 +149,23 @@ class WebcamEstimator:
         confidence = chance * visible * np.mean(visible) ** 2
         return [PersonPose(1, (joints_m + place_m).astype(np.float32), confidence.astype(np.float32))]
 
+    def _on_their_sides(self, person: Landmarks, time_s: float) -> Landmarks:
+        """The points of a picture, left and right exchanged where MediaPipe has probably exchanged them.
+
+        It takes some people for ones who look the other way in single pictures, and back; nobody turns as fast. How near the
+        points are to those of the picture before says whether left and right changed between the two, the rate BELIEVED that
+        MediaPipe is mostly right.
+        """
+        exchanged, before, since_s = person.exchanged(), self._before, time_s - self._before_s
+        odds = FIRST
+        if before is not None and 0 < since_s < FORGOTTEN_S:
+            nearness = before.distance_px(person) / max(before.distance_px(exchanged), 1e-9)
+            switched = np.clip(nearness**4 / (1 + nearness**4), UNSURE, 1 - UNSURE)
+            chance = self._exchanged * (1 - switched) + (1 - self._exchanged) * switched
+            odds = chance / (1 - chance) * math.exp(-BELIEVED * since_s)
+        self._exchanged, self._before, self._before_s = odds / (1 + odds), person, time_s
+        return exchanged if odds > 1 else person
+
 
 def recorded(message: Any) -> Performance:
     """A dance that the page recorded: of each picture its points, and its time in seconds; raises InputError for any other.
@@ -124,7 +177,7 @@ def recorded(message: Any) -> Performance:
     estimator, joints_m, confidence, times_s = WebcamEstimator(), [], [], []
     for frame in message["frames"]:
         check_fields(where, frame, {"time_s": float, "points": list})
-        people = estimator.update(read_seen({"points": frame["points"], "age_ms": 0.0}).person, CAMERA)
+        people = estimator.update(read_seen({"points": frame["points"], "age_ms": 0.0}).person, CAMERA, frame["time_s"])
         joints_m.append(people[0].joints_camera_m if people else np.full((NUM_JOINTS, 3), np.nan))
         confidence.append(people[0].confidence if people else np.zeros(NUM_JOINTS))
         times_s.append(frame["time_s"])

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES
 from kpopnet.errors import InputError
 from kpopnet.networks.lifting import READ, Lifting
 from kpopnet.skeleton import Joint
 from kpopnet.sources.source import CameraAwayError
-from kpopnet.teacher.live.webcam import CAMERA, WebcamCamera, WebcamEstimator, read_seen, recorded
+from kpopnet.teacher.live.webcam import CAMERA, EXCHANGED, WebcamCamera, WebcamEstimator, read_seen, recorded
 
 PLACE_M, ON_AXIS_M = np.array([0.3, 0.1, 2.6]), np.array([0.0, 0.0, 2.6])
 
@@ -30,12 +31,18 @@ def world_m() -> np.ndarray:
     return np.array(points)
 
 
-def message(place_m: np.ndarray = PLACE_M, visibility: float = 0.9) -> dict:
-    """What the page sends of that person at a place before the camera; points outside the picture are not visible."""
-    uvz = CAMERA.project(world_m() + place_m)
+def message(place_m: np.ndarray = PLACE_M, visibility: float = 0.9, turned_deg: float = 0.0) -> dict:
+    """What the page sends of that person, turned, at a place before the camera; points outside the picture are not visible."""
+    points_m = world_m() @ Rotation.from_euler("y", turned_deg, degrees=True).as_matrix().T
+    uvz = CAMERA.project(points_m + place_m)
     shares = (uvz[:, :2] + 0.5) / [CAMERA.width, CAMERA.height]
     inside = ((shares >= 0) & (shares <= 1)).all(axis=1)
-    return {"points": np.column_stack([world_m(), shares, visibility * inside]).tolist(), "age_ms": 40.0}
+    return {"points": np.column_stack([points_m, shares, visibility * inside]).tolist(), "age_ms": 40.0}
+
+
+def seen_the_other_way(given: dict) -> dict:
+    """What the page sends where MediaPipe takes the same person for one who looks the other way."""
+    return {"points": (np.array(given["points"])[EXCHANGED] * [1, 1, -1, 1, 1, 1]).tolist(), "age_ms": given["age_ms"]}
 
 
 @pytest.fixture
@@ -89,6 +96,34 @@ def test_a_person_close_to_a_laptop_is_found_though_not_sure(joints):
     found = joints(shown)
     np.testing.assert_allclose(found.joints_camera_m[Joint.TORSO], [0, -0.25, 2.6], atol=0.1)
     assert 0 < found.confidence[Joint.HEAD] < 0.3 and found.confidence[Joint.LEFT_HAND] == 0
+
+
+def sides(messages: list[dict], fps: float = 10.0) -> np.ndarray:
+    """(T,) by how much the left shoulder is to the right of the right one in each picture, metres."""
+    estimator = WebcamEstimator()
+    poses = [estimator.update(read_seen(one).person, CAMERA, number / fps)[0] for number, one in enumerate(messages)]
+    joints_m = np.array([pose.joints_camera_m for pose in poses])
+    return joints_m[:, Joint.LEFT_SHOULDER, 0] - joints_m[:, Joint.RIGHT_SHOULDER, 0]
+
+
+@pytest.mark.parametrize("fps", [7.0, 15.0])
+@pytest.mark.parametrize("wrong", [(3,), (2, 5, 8), (4, 5), (9,)])
+def test_sides_that_are_exchanged_in_single_pictures_are_exchanged_back(joints, wrong, fps):
+    moving = [message(PLACE_M + np.array([0.03 * number, 0, 0])) for number in range(12)]
+    mixed = [seen_the_other_way(one) if number in wrong else one for number, one in enumerate(moving)]
+    np.testing.assert_allclose(sides(mixed, fps), sides(moving, fps), atol=1e-6)
+    assert min(sides(mixed, fps)) > 0.3
+
+
+def test_who_turns_round_is_not_exchanged_and_who_is_seen_so_for_long_is_believed(joints):
+    turning = sides([message(turned_deg=20.0 * min(number, 9)) for number in range(20)])
+    assert turning[0] > 0.3 and max(turning[9:]) < -0.3
+    first = sides([seen_the_other_way(message())] + 11 * [message()])
+    assert first[0] < 0 < min(first[1:])
+    for_long = sides(5 * [message()] + 20 * [seen_the_other_way(message())])
+    assert min(for_long[:7]) > 0.3 and max(for_long[-8:]) < -0.3
+    apart = sides([message(), seen_the_other_way(message())], fps=1.0)
+    assert apart[0] > 0 > apart[1]
 
 
 def test_a_recording_is_the_joints_of_its_pictures(joints):
