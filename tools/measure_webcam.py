@@ -52,7 +52,7 @@ from synth.samples.sampler import body_rotations  # noqa: E402
 SECONDS, STRIDE = 8.0, 2
 """Length of a learner's film, and of how many frames of the dance, 30 a second, one is filmed."""
 
-FIT_DANCES, JUDGED_DANCES = range(DANCES, DANCES + 6), range(DANCES + 40, DANCES + 46)
+FIT_DANCES, JUDGED_DANCES = range(DANCES, DANCES + 6), range(DANCES + 52, DANCES + 58)
 LEVELS = ("best", "bad", "worst")
 NO_POINTS = np.full((33, 6), np.nan)
 JUDGED = (("perfect", ""), ("perfect", "left arm"), *((level, "") for level in LEVELS))
@@ -179,8 +179,9 @@ def all_filmed(folder: Path, dances: range, kinds: Sequence[tuple[str, str]], de
 
 def fit(learners: dict[str, list[Filmed]], write: bool) -> None:
     """Prints the noise of the joints by webcam, and enters it in the table."""
+    faults = {"perfect": "perfect_0", "perfect_left_arm": "hanging_arm"}
     seen = [
-        Seen(str(one.dance), "perfect_0" if kind == "perfect" else kind, one.teacher, one.true, one.webcam)
+        Seen(str(one.dance), faults.get(kind, kind), one.teacher, one.true, one.webcam)
         for kind, group in learners.items()
         for one in group
     ]
