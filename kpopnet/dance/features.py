@@ -57,9 +57,9 @@ OF_EARLIER_FRAMES = ("twist_change", "lean_change", "bend_change", "turn")
 _FIRST_DEGREE = ("right_elbow", "left_elbow", "right_knee", "left_knee")
 _SECOND_DEGREE = ("right_hand", "left_hand", "right_foot", "left_foot")
 LIMB_ANGLES = tuple(f"{joint}_{angle}" for joint in _FIRST_DEGREE + _SECOND_DEGREE for angle in ("inclination", "azimuth"))
-_PROXIMAL = np.array([Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP])
-_MIDDLE = np.array([Joint[name.upper()] for name in _FIRST_DEGREE])
-_DISTAL = np.array([Joint[name.upper()] for name in _SECOND_DEGREE])
+PROXIMAL = np.array([Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP])
+MIDDLE = np.array([Joint[name.upper()] for name in _FIRST_DEGREE])
+DISTAL = np.array([Joint[name.upper()] for name in _SECOND_DEGREE])
 _TORSO = np.array([Joint.NECK, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP])
 
 _TRANSPORT_REFERENCE = np.array([[0.3, -1, 1], [0.3, 1, 1], [1, 0, 1], [1, 0, 1]], float)
@@ -123,8 +123,8 @@ def _angles_confidence(angles_rad: np.ndarray, confidence: np.ndarray, names: tu
 
     For a limb's angles only the limb's own joints count: the torso frame is estimated from six joints together.
     """
-    first = np.minimum(confidence[:, _PROXIMAL], confidence[:, _MIDDLE])
-    second = np.minimum(confidence[:, _MIDDLE], confidence[:, _DISTAL])
+    first = np.minimum(confidence[:, PROXIMAL], confidence[:, MIDDLE])
+    second = np.minimum(confidence[:, MIDDLE], confidence[:, DISTAL])
     limbs: dict[str, np.ndarray] = dict(
         zip(_FIRST_DEGREE + _SECOND_DEGREE, np.concatenate([first, second], axis=1).T, strict=True)
     )
@@ -154,13 +154,8 @@ def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> An
 
 def limb_directions(joints_m: np.ndarray) -> np.ndarray:
     """(T, 4, 6) unit directions of upper and lower limb in the torso's frames: right arm, left arm, right leg, left leg."""
-    return np.concatenate(_limbs_in(limb_frames(joints_m), joints_m), axis=2)
-
-
-def limb_frames(joints_m: np.ndarray) -> np.ndarray:
-    """(T, 4, 3, 3) rows u, r, t of the torso's frame of each limb, in the order of `limb_directions`."""
     upper, lower = _torso_frames(joints_m)
-    return np.stack([upper, upper, lower, lower], axis=1)
+    return np.concatenate(_limbs_in(np.stack([upper, upper, lower, lower], axis=1), joints_m), axis=2)
 
 
 def _torso_frames(joints_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -193,8 +188,8 @@ def raptis_features(joints_m: np.ndarray) -> Angles:
 
 def _limbs_in(frames: np.ndarray, joints_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(T, 4, 3) unit directions of the four upper limbs, and of the four lower ones, in (T, 4, 3, 3) frames of rows u, r, t."""
-    middle_m = joints_m[:, _MIDDLE]
-    parent, child = _unit(middle_m - joints_m[:, _PROXIMAL]), _unit(joints_m[:, _DISTAL] - middle_m)
+    middle_m = joints_m[:, MIDDLE]
+    parent, child = _unit(middle_m - joints_m[:, PROXIMAL]), _unit(joints_m[:, DISTAL] - middle_m)
     return (frames @ parent[..., None])[..., 0], (frames @ child[..., None])[..., 0]
 
 

@@ -10,12 +10,14 @@ feature measures it about the upper limb. It is turned by what is seen of that d
 error, which would show in a forearm that points to the camera.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from kpopnet.dance.dtw import PathDistances, distances_on_path
-from kpopnet.dance.features import Features, limb_directions, limb_frames
+from kpopnet.dance.features import DISTAL, MIDDLE, MIN_BONE_M, PROXIMAL, Features
 from kpopnet.dance.noise.steady import AZIMUTH, INCLINATION, PART_OF_SEGMENT, segment_vectors
 from kpopnet.skeleton import Joint
 
@@ -23,27 +25,28 @@ POINTS_AT_CAMERA = 0.03
 """Squared sine of the angle to the line of sight below which a limb points at the camera (10 degrees): then no direction across
 the limb is better known than another."""
 
+LEAST_SINE = 1e-9
+TORSO = int(Joint.TORSO)
+
 CENTRED_M = 0.5
 """Of a person this near the origin the joints are centred, in the axes of the camera, and the line of sight is its z axis."""
 
 
-class SeenDifference(NamedTuple):
-    """What a picture shows of differences of limbs, learner minus teacher, in the torso's frame; upper limbs come first."""
+class SeenDifferences(NamedTuple):
+    """What a picture shows of differences of limbs, learner minus teacher, in the torso's frame; upper limbs come first.
 
-    difference: np.ndarray  # (T, K, 2, 4, 3) radians long, across `middle`
-    # (T, K, 2, 4, 1) makes the squares, in the mean over faults in all directions, those of the whole differences
+    Limbs are in the order of `kpopnet.dance.features.limb_directions`.
+    """
+
+    difference: np.ndarray  # (L, 2, 4, 3) radians long, across the direction halfway between learner and teacher
+    # (L, 2, 4) makes the squares, in the mean over faults in all directions, those of the whole differences
     factor: np.ndarray
-    middle: np.ndarray  # (T, K, 2, 4, 3) unit directions halfway between learner and teacher
+    angles_rad: np.ndarray  # (L, 2, 4, 2) what is seen of the differences in inclination and azimuth, radians
 
     @property
-    def angles_rad(self) -> np.ndarray:
-        """(T, K, 2, 4, 2) what is seen of the differences in inclination and azimuth, radians."""
-        upper = np.broadcast_to([1.0, 0.0, 0.0], self.middle[:, :, 0].shape)  # the axis of an upper limb's angles is u
-        around = np.cross(np.stack([upper, self.middle[:, :, 0]], axis=2), self.middle)
-        sine = np.maximum(np.linalg.norm(around, axis=-1, keepdims=True), 1e-9)
-        inclination = (np.cross(around / sine, self.middle) * self.difference).sum(axis=-1)
-        azimuth = (around / sine**2 * self.difference).sum(axis=-1)
-        return np.clip(np.stack([inclination, azimuth], axis=-1), -np.pi, np.pi)
+    def scaled(self) -> np.ndarray:
+        """(L, 2, 4, 3) the differences times the factor."""
+        return self.difference * self.factor[..., None]
 
 
 def path_distances(
@@ -56,16 +59,17 @@ def path_distances(
     on_path = distances_on_path(path, learner, teacher, offset, parts)
     if sees_depth:
         return on_path
-    matched = offset + path.sum(axis=1)
-    rows = np.clip(matched[:, None] + [-1, 0, 1], 0, len(teacher.joints_m) - 1)
-    begin = rows.min()
-    taught = limb_directions(teacher.joints_m[begin : rows.max() + 1])[rows - begin]
-    seen = seen_difference(learner.joints_m[path[:, 0]], taught)
-    squares = (np.square(seen.factor * seen.difference)).sum(axis=-1)  # (L, 3, 2, 4)
-    squares = np.where(np.isfinite(squares), squares, squares[:, 1:2])  # as of angles that the neighbour lacks
     squared, signed, limbs = on_path.squared.copy(), on_path.signed.copy(), PART_OF_SEGMENT[:4]
-    squared[:, :, limbs] = np.nansum(squares, axis=2) * on_path.taught[:, None, limbs]
-    for columns, angles_rad in zip((INCLINATION, AZIMUTH), np.moveaxis(seen.angles_rad[:, 1], -1, 0), strict=True):
+    rows, last = offset + path.sum(axis=1), len(teacher.joints_m) - 1
+    seen = [
+        seen_differences(learner.joints_m, path[:, 0], teacher.joints_m, np.clip(rows + shift, 0, last)) for shift in (-1, 0, 1)
+    ]
+    squares = [(one.scaled**2).sum(axis=-1) for one in seen]  # (L, 2, 4)
+    for shift, one in enumerate(squares):
+        # The matched frame stands for a neighbour that lacks the limb.
+        known = np.where(np.isfinite(one), one, squares[1])
+        squared[:, shift, limbs] = np.nansum(known, axis=1) * on_path.taught[:, limbs]
+    for columns, angles_rad in zip((INCLINATION, AZIMUTH), np.moveaxis(seen[1].angles_rad, -1, 0), strict=True):
         signed[:, columns] = np.where(np.isfinite(signed[:, columns]), angles_rad.reshape(len(signed), -1), np.nan)
     return on_path._replace(squared=squared, signed=signed)
 
@@ -77,42 +81,111 @@ def segment_differences(learner: Features, teacher: Features, sees_depth: bool) 
     """
     difference = segment_vectors(learner.angles_rad) - segment_vectors(teacher.angles_rad)
     if not sees_depth:
-        seen, limbs = seen_difference(learner.joints_m, limb_directions(teacher.joints_m)[:, None]), difference[:, :-1]
-        limbs[...] = np.where(np.isfinite(limbs), (seen.factor * seen.difference).reshape(limbs.shape), np.nan)
+        limbs, rows = difference[:, :-1], np.arange(len(difference))
+        seen = seen_differences(learner.joints_m, rows, teacher.joints_m, rows)
+        limbs[...] = np.where(np.isfinite(limbs), seen.scaled.reshape(limbs.shape), np.nan)
     return difference
 
 
-def seen_difference(learner_m: np.ndarray, taught: np.ndarray) -> SeenDifference:
-    """Of (T, 15, 3) joints of the learner in the camera frame, and for each K times (4, 6) `limb_directions` of the teacher."""
-    rays = (limb_frames(learner_m) @ _lines_of_sight(learner_m)[:, None, :, None])[:, None, :, :, 0]
-    danced = limb_directions(learner_m)[:, None]
-    upper_middle, whole = _halfway(danced[..., :3], taught[..., :3])
-    upper, upper_factor = _seen(whole, upper_middle, rays)
-    middle, whole = _halfway(danced[..., 3:], taught[..., 3:])
-    lower, factor = _seen(whole - np.cross(np.cross(upper_middle, upper), middle), middle, rays)
-    pairs = (upper, lower), (upper_factor, factor), (upper_middle, middle)
-    return SeenDifference(*(np.stack(pair, axis=2) for pair in pairs))
+@njit(cache=True)
+def seen_differences(learner_m, learner_rows, teacher_m, teacher_rows):
+    """The `SeenDifferences` of L pairs of frames, given by their rows, NaN where a joint is missing.
+
+    Takes (T, 15, 3) joints of the learner in the camera frame and (M, 15, 3) ones of the teacher in any frame, metres.
+    """
+    pairs = len(learner_rows)
+    difference, factor = np.empty((pairs, 2, 4, 3)), np.empty((pairs, 2, 4))
+    angles_rad = np.empty((pairs, 2, 4, 2))
+    for pair in range(pairs):
+        danced, taught = learner_m[learner_rows[pair]], teacher_m[teacher_rows[pair]]
+        for limb in range(4):
+            danced_frame, taught_frame = _torso_frame(danced, limb), _torso_frame(taught, limb)
+            ray = _in(danced_frame, _sight(danced))
+            axis, turn = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            for lower in range(2):
+                middle, whole = _halfway(
+                    _in(danced_frame, _direction(danced, limb, lower)), _in(taught_frame, _direction(taught, limb, lower))
+                )
+                along = _plus(ray, middle, -_dot(ray, middle))
+                squared = _dot(along, along)
+                whole = _plus(whole, _cross(turn, middle), -1.0)
+                seen = _plus(whole, along, -_dot(along, whole) / (squared + POINTS_AT_CAMERA))
+                for row in range(3):
+                    difference[pair, lower, limb, row] = seen[row]
+                factor[pair, lower, limb] = math.sqrt(2 / (2 - squared / (squared + POINTS_AT_CAMERA)))
+                around = _cross(axis, middle)
+                sine = max(math.sqrt(_dot(around, around)), LEAST_SINE)
+                angles_rad[pair, lower, limb, 0] = _dot(_cross(around, middle), seen) / sine
+                angles_rad[pair, lower, limb, 1] = max(min(_dot(around, seen) / sine**2, math.pi), -math.pi)
+                axis, turn = middle, _cross(middle, seen)  # of the lower limb
+    return SeenDifferences(difference, factor, angles_rad)
 
 
-def _lines_of_sight(joints_m: np.ndarray) -> np.ndarray:
-    """(T, 3) unit directions from the camera to the torso of (T, 15, 3) joints."""
-    torso_m = joints_m[:, Joint.TORSO]
-    distance_m = np.linalg.norm(torso_m, axis=1, keepdims=True)
-    return np.where(distance_m < CENTRED_M, (0.0, 0.0, 1.0), torso_m / np.maximum(distance_m, CENTRED_M))
+@njit(cache=True)
+def _torso_frame(joints_m, limb):
+    """The axes u, r, t of the torso's plane of a limb, as of `kpopnet.dance.features`."""
+    torso_m, first = _at(joints_m, TORSO), limb // 2 * 2
+    right_m, left_m = _at(joints_m, PROXIMAL[first]), _at(joints_m, PROXIMAL[first + 1])
+    down = _plus(torso_m, _plus(right_m, left_m, 1.0), -0.5)
+    r = _unit(_plus(left_m, right_m, -1.0))
+    t = _unit(_cross(down, r) if limb < 2 else _cross(r, down))
+    return _cross(r, t), r, t
 
 
-def _halfway(danced: np.ndarray, taught: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(..., 3) unit directions halfway between two, 0 where these are opposite, and the differences across them, radians."""
-    both, difference = danced + taught, danced - taught
-    half = np.linalg.norm(difference, axis=-1, keepdims=True) / 2
-    middle = both / np.maximum(np.linalg.norm(both, axis=-1, keepdims=True), 1e-9)
-    return middle, difference * (np.arcsin(np.minimum(half, 1)) / np.maximum(half, 1e-9))
+@njit(cache=True)
+def _direction(joints_m, limb, lower):
+    """The unit direction of an upper or lower limb; NaN where the bone is too short to have one."""
+    begin, end = (MIDDLE[limb], DISTAL[limb]) if lower else (PROXIMAL[limb], MIDDLE[limb])
+    return _unit(_plus(_at(joints_m, end), _at(joints_m, begin), -1.0))
 
 
-def _seen(difference: np.ndarray, middle: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(..., 3) differences across directions without what lies along the rays, and the (..., 1) factors that make up for it."""
-    along = rays - (rays * middle).sum(axis=-1, keepdims=True) * middle
-    squared = (along**2).sum(axis=-1, keepdims=True)
-    unseen = squared / (squared + POINTS_AT_CAMERA)
-    lost = along * (along * difference).sum(axis=-1, keepdims=True) / (squared + POINTS_AT_CAMERA)
-    return difference - lost, np.sqrt(2 / (2 - unseen))
+@njit(cache=True)
+def _sight(joints_m):
+    """The unit direction from the camera to the torso."""
+    torso_m = _at(joints_m, TORSO)
+    return (0.0, 0.0, 1.0) if _dot(torso_m, torso_m) < CENTRED_M**2 else _unit(torso_m)
+
+
+@njit(cache=True)
+def _halfway(danced, taught):
+    """The unit direction halfway between two, 0 where they are opposite, and their difference across it, radians."""
+    both, chord = _plus(danced, taught, 1.0), _plus(danced, taught, -1.0)
+    half = math.sqrt(_dot(chord, chord)) / 2
+    angle = math.asin(min(half, 1.0)) / max(half, LEAST_SINE)
+    return _times(both, 1 / max(math.sqrt(_dot(both, both)), LEAST_SINE)), _times(chord, angle)
+
+
+@njit(cache=True)
+def _unit(a):
+    length = math.sqrt(_dot(a, a))
+    return _times(a, 1 / length if length >= MIN_BONE_M else np.nan)
+
+
+@njit(cache=True)
+def _in(frame, a):
+    return _dot(frame[0], a), _dot(frame[1], a), _dot(frame[2], a)
+
+
+@njit(cache=True)
+def _at(joints_m, joint):
+    return joints_m[joint, 0], joints_m[joint, 1], joints_m[joint, 2]
+
+
+@njit(cache=True)
+def _plus(a, b, factor):
+    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
+
+
+@njit(cache=True)
+def _times(a, factor):
+    return a[0] * factor, a[1] * factor, a[2] * factor
+
+
+@njit(cache=True)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -7,8 +7,8 @@ import pytest
 from dance_learners import arm_lowered, turned_about
 from dance_people import FPS, dance_joints_m, followed, mirrored, performed
 
-from kpopnet.dance.features import FEATURES, dance_features, limb_directions, limb_frames
-from kpopnet.dance.noise.sight import POINTS_AT_CAMERA, path_distances, seen_difference, segment_differences
+from kpopnet.dance.features import FEATURES, dance_features, limb_directions
+from kpopnet.dance.noise.sight import POINTS_AT_CAMERA, path_distances, seen_differences, segment_differences
 from kpopnet.dance.noise.steady import FEATURE
 from kpopnet.dance.noise.table import NOISE
 from kpopnet.dance.online import OnlineScorer
@@ -46,8 +46,8 @@ def arm_turned(joints_m, axis, degrees, begin=Joint.LEFT_SHOULDER, moved=(Joint.
 
 def seen_deg(learner_m, teacher_m):
     """(2,) degrees of the left upper arm and forearm."""
-    seen = seen_difference(learner_m, limb_directions(teacher_m)[:, None])
-    return np.degrees(np.linalg.norm((seen.factor * seen.difference)[0, 0, :, LEFT_ARM], axis=-1))
+    seen = seen_differences(learner_m, np.array([0]), teacher_m, np.array([0]))
+    return np.degrees(np.linalg.norm(seen.scaled[0, :, LEFT_ARM], axis=-1))
 
 
 def test_across_the_line_of_sight_a_turn_is_seen_and_along_it_not():
@@ -94,6 +94,16 @@ def test_of_what_is_seen_the_angles_are_those_of_the_feature_and_of_what_is_not_
             assert found[determined] == pytest.approx(whole[determined] if seen else 0.0, abs=1.5)
 
 
+def torso_frame(joints_m, limb):
+    """(3, 3) rows down, to the left, to the front."""
+    of = "SHOULDER" if limb < 2 else "HIP"
+    right_m, left_m = joints_m[Joint[f"RIGHT_{of}"]], joints_m[Joint[f"LEFT_{of}"]]
+    down = (1 if limb < 2 else -1) * (joints_m[Joint.TORSO] - (right_m + left_m) / 2)
+    r = (left_m - right_m) / np.linalg.norm(left_m - right_m)
+    t = np.cross(down, r) / np.linalg.norm(np.cross(down, r))
+    return np.stack([np.cross(r, t), r, t])
+
+
 def slow_difference(danced, taught, ray, turned_by=None):
     """One direction's difference as `seen_differences` has it, by matrices; `turned_by` is a rotation vector."""
     middle = (danced + taught) / np.linalg.norm(danced + taught)
@@ -109,19 +119,20 @@ def slow_difference(danced, taught, ray, turned_by=None):
 
 def test_differences_equal_those_of_a_slow_twin():
     learner_m, teacher_m = JOINTS_M[40:50], dance_joints_m(1)[40:50]
-    found = seen_difference(learner_m, limb_directions(teacher_m)[:, None])
+    rows = np.arange(10)
+    found = seen_differences(learner_m, rows, teacher_m, rows)
     danced, taught = limb_directions(learner_m), limb_directions(teacher_m)
     for frame in range(10):
         torso_m = learner_m[frame, Joint.TORSO]
         for limb in range(4):
-            ray = limb_frames(learner_m)[frame, limb] @ torso_m / np.linalg.norm(torso_m)
+            ray = torso_frame(learner_m[frame], limb) @ torso_m / np.linalg.norm(torso_m)
             one, other = danced[frame, limb], taught[frame, limb]
             middle, upper, factor = slow_difference(one[:3], other[:3], ray)
-            assert found.difference[frame, 0, 0, limb] == pytest.approx(upper, abs=1e-6)
-            assert found.factor[frame, 0, 0, limb] == pytest.approx(factor)
+            assert found.difference[frame, 0, limb] == pytest.approx(upper, abs=1e-6)
+            assert found.factor[frame, 0, limb] == pytest.approx(factor)
             _, lower, factor = slow_difference(one[3:], other[3:], ray, np.cross(middle, upper))
-            assert found.difference[frame, 0, 1, limb] == pytest.approx(lower, abs=1e-6)
-            assert found.factor[frame, 0, 1, limb] == pytest.approx(factor)
+            assert found.difference[frame, 1, limb] == pytest.approx(lower, abs=1e-6)
+            assert found.factor[frame, 1, limb] == pytest.approx(factor)
 
 
 def test_the_left_arms_difference_is_the_left_arms_and_what_the_teacher_does_not_show_is_none():
