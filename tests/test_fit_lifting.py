@@ -7,10 +7,10 @@ import pytest
 from dance_people import dance_joints_m
 from programs import run_program
 
+from kpopnet.dance.joint_files.mediapipe import CAMERA
 from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES
 from kpopnet.runtime.input_files import read_json
 from kpopnet.skeleton import Joint
-from kpopnet.teacher.live.webcam import CAMERA
 
 SHARE = 0.4
 

@@ -22,6 +22,7 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from kpopnet.camera import Camera
+from kpopnet.dance.joint_files.mediapipe import CAMERA, seen_joints
 from kpopnet.data.made_sets import claim_folder
 from kpopnet.errors import InputError
 from kpopnet.networks.lifting import READ, Lifting, Sighting
@@ -30,7 +31,7 @@ from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
-from kpopnet.teacher.live.webcam import CAMERA, read_seen, seen_joints
+from kpopnet.teacher.live.webcam import read_seen
 from synth.dances.taught import DANCES, composed
 from synth.motion import MotionConfig, MotionSource, build_motion
 from synth.motion.choreography.programmes import show

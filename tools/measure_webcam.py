@@ -33,6 +33,7 @@ sys.path.append(str(ROOT / "tests" / "helpers"))
 from teacher_page import chromium  # noqa: E402
 from webcam_films import FilmedLearner  # noqa: E402
 
+from kpopnet.dance.joint_files.mediapipe import WEBCAM  # noqa: E402
 from kpopnet.dance.performance import Performance  # noqa: E402
 from kpopnet.dance.scoring import DanceScore, score_dance  # noqa: E402
 from kpopnet.pose import PoseEstimator  # noqa: E402
@@ -42,7 +43,7 @@ from kpopnet.teacher.library import taught_dance  # noqa: E402
 from kpopnet.teacher.live.lesson import Lesson  # noqa: E402
 from kpopnet.teacher.live.loop import noise_of  # noqa: E402
 from kpopnet.teacher.live.score import scorer_config  # noqa: E402
-from kpopnet.teacher.live.webcam import WEBCAM, recorded  # noqa: E402
+from kpopnet.teacher.live.webcam import recorded  # noqa: E402
 from synth.body.asset import load_body  # noqa: E402
 from synth.dances.live import LATE_S  # noqa: E402
 from synth.dances.taught import DANCES, Teacher, composed  # noqa: E402

@@ -115,7 +115,7 @@ def corrected(performance: Performance, correction: str) -> Performance:
         joints_m, confidence = joints_m[:, MIRROR], confidence[:, MIRROR]
     if correction in ("mirrored", "reflected"):
         joints_m = joints_m * np.array([-1.0, 1.0, 1.0])
-    return Performance(joints_m, performance.times_s, confidence)
+    return Performance(joints_m, performance.times_s, confidence, performance.estimator)
 
 
 def composed(first: str, second: str) -> str:
@@ -130,7 +130,7 @@ def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Perfo
     """A performance whose times, from the first on, are multiplied by a rate and then lessened by a delay in seconds."""
     start_s = performance.times_s[0]
     times_s = start_s + rate * (performance.times_s - start_s) - late_s
-    return Performance(performance.joints_m, times_s, performance.confidence)
+    return Performance(performance.joints_m, times_s, performance.confidence, performance.estimator)
 
 
 def diagnose(

@@ -91,7 +91,7 @@ class PartScorer:
             kpopnet.dance.timing.measured_latency_s.
         noise: name of the estimator of the learner's joints whose known errors are taken out of the score (tracker, network,
             fitted_network, realtime, best, webcam); none for true joints; auto for that of each estimator in an evaluation,
-            elsewhere none.
+            for that of the learner's `Performance` in `score_dance`, elsewhere none.
         alpha: slope of the timing similarity, Eq. (13).
         beta: posture difference of one part's angles at which its similarity has fallen to 1/e, radians.
         tau: delay at which the timing similarity reaches 0, Eq. (13), seconds.

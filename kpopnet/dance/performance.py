@@ -56,9 +56,12 @@ class Performance:
             the teacher and the learner. Those of an absolute clock: see `from_absolute_clocks`.
         confidence: (T, 15) float64 in 0..1; 0 where the joint is missing. A joint of a confidence below
             `kpopnet.dance.features.SEEN_CONFIDENCE` is partly unseen.
+        estimator: name in `kpopnet.dance.noise.table.NOISE` of whose errors the joints have, none for true ones.
     """
 
-    def __init__(self, joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None = None) -> None:
+    def __init__(
+        self, joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None = None, estimator: str = "none"
+    ) -> None:
         """Checks and copies the arrays; see `mask_missing_joints`."""
         try:
             joints_m, times_s = np.array(joints_m, np.float64), np.array(times_s, np.float64)
@@ -78,7 +81,7 @@ class Performance:
                 f"times from {times_s[0]:g} to {times_s[-1]:g} s: expected a dance of at most {MAX_DURATION_S:g} s; "
                 "are they seconds?"
             )
-        self.times_s = times_s
+        self.times_s, self.estimator = times_s, estimator
         self.joints_m, self.confidence = mask_missing_joints(joints_m, confidence)
 
     def __len__(self) -> int:
@@ -123,7 +126,7 @@ def from_absolute_clocks(dances: Sequence[Performance]) -> list[Performance]:
         together = one.times_s[0] < first.times_s[-1] and first.times_s[0] < one.times_s[-1]
         start_s = (first if together else one).times_s[0]
         times_s = one.times_s - (start_s if start_s > ABSOLUTE_S else 0.0)
-        found.append(Performance(one.joints_m, times_s, one.confidence))
+        found.append(Performance(one.joints_m, times_s, one.confidence, one.estimator))
     return found
 
 

@@ -9,6 +9,7 @@ learner is not seen, scores 0. The paper's (`kpopnet.dance.paper`) knows no miss
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -220,6 +221,8 @@ def score_dance(
     or no joint is known in one of the dances; or joints are given without `fps`.
     """
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
+    if isinstance(scorer, PartScorer) and scorer.noise == "auto":
+        scorer = replace(scorer, noise=learner.estimator)
     if not unobserved_is_nan:
         check_observed(learner.is_observed, len(learner), "learner")
     learner = Performance(learner.joints_m, learner.times_s - scorer.latency_s, learner.confidence)

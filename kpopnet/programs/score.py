@@ -74,8 +74,11 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--joint-map", type=Path, metavar="FILE", help=mapped)
     parser.add_argument("--late", type=float, default=0.0, help="seconds by which the learner's clock is late: %(default)s")
     parser.add_argument("--as-is", action="store_true", help="correct nothing, only name probable faults of the files")
-    noise = "estimator of the learner's joints, whose known errors are not counted: %(default)s for true joints"
-    parser.add_argument("--noise", choices=NOISE, default="none", help=noise)
+    noise = (
+        "estimator of the learner's joints, whose known errors are not counted; auto, the default, is webcam for MediaPipe's "
+    )
+    noise += "points and none, as for true joints, elsewhere"
+    parser.add_argument("--noise", choices=("auto", *NOISE), default="auto", help=noise)
     parser.add_argument("--lang", choices=LANGUAGES, default="en", help="language of page and text: %(default)s")
     add_grading(parser, "with --bpm")
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
@@ -94,7 +97,7 @@ def main() -> None:
     scorer = SCORERS[given.scorer]
     if isinstance(scorer, PartScorer):
         scorer = replace(scorer, noise=given.noise)
-    elif given.noise != "none":
+    elif given.noise not in ("auto", "none"):
         raise InputError(f"--noise {given.noise}: scorer {given.scorer} knows no noise; dance22 does")
     teacher = read_observed(given.teacher, given.teacher_fps, given.joint_map, given.correct_teacher, given.scorer)
     learner = read_observed(given.learner, given.learner_fps, given.joint_map, given.correct_learner, given.scorer)

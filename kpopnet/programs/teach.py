@@ -25,6 +25,7 @@ from types import MappingProxyType
 import numpy as np
 from tqdm import tqdm
 
+from kpopnet.dance.joint_files.mediapipe import WEBCAM
 from kpopnet.dance.joint_files.reader import read_strangers_group
 from kpopnet.dance.performance import Performance, from_absolute_clocks
 from kpopnet.errors import InputError
@@ -41,7 +42,7 @@ from kpopnet.teacher.adding import add_group, holds_depth, kpop_teachers, part_o
 from kpopnet.teacher.library import TRIES, Library, TaughtDance, TeacherBody, taught_dance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import load_estimator
-from kpopnet.teacher.live.webcam import DESCRIPTION, WEBCAM
+from kpopnet.teacher.live.webcam import DESCRIPTION
 
 FOLDER = Path("outputs/teach")
 PORT = 8471

@@ -20,10 +20,11 @@ from teacher_page import BROWSER, DRIVER, chromium, served
 from webcam_films import FilmedLearner, write_film
 
 from kpopnet.camera import Camera
+from kpopnet.dance.joint_files.mediapipe import WEBCAM
 from kpopnet.programs.teach import CAMERA_FPS, RECORDING, open_source
 from kpopnet.sources import DepthSource, open_depth
 from kpopnet.teacher.library import Library, TeacherBody, taught_dance
-from kpopnet.teacher.live.webcam import DESCRIPTION, WEBCAM
+from kpopnet.teacher.live.webcam import DESCRIPTION
 from kpopnet.teacher.server import Teaching
 from kpopnet.teacher.tries import Tries
 from synth.body.teacher import teacher_arrays

@@ -225,12 +225,14 @@ def frame_times_s(
     return np.arange(frames) / rate
 
 
-def checked_performance(joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None, source: str) -> Performance:
+def checked_performance(
+    joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None, source: str, estimator: str = "none"
+) -> Performance:
     """A performance of a rate that can be compared, each of whose joints, but for head and neck, which the paper's feature does
     not use, is seen somewhere.
     """
     try:
-        performance = check_rate(Performance(joints_m, times_s, confidence))
+        performance = check_rate(Performance(joints_m, times_s, confidence, estimator))
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
     unseen = [joint.name.lower() for joint in performance.unseen_joints if joint not in (Joint.HEAD, Joint.NECK)]
@@ -260,16 +262,12 @@ def _trunks(joints: np.ndarray) -> np.ndarray:
     return joints[:, _SHOULDERS].mean(axis=1) - joints[:, _HIPS].mean(axis=1)
 
 
-def _before_level_camera_m(joints: np.ndarray, first: np.ndarray, source: str) -> np.ndarray:
-    """(T, 15, 3) float32 joints in metres before a level camera (x right, y down, z forward).
+def upright(joints: np.ndarray, source: str) -> tuple[float, np.ndarray]:
+    """The unit in metres of (T, 15, 3) joints, and the (3, 3) matrix that they are multiplied by, on its left, to be y up.
 
-    The (T, 15, 3) given ones are in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down.
-    The camera stands before the dancer whose joints are the `first` ones, in the same unit and frame.
+    They are in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down.
     """
-    largest = np.max(np.abs(joints), initial=0, where=np.isfinite(joints))
-    if not largest <= MAX_COORDINATE:
-        raise InputError(f"{source}: a coordinate of {largest:g}; expected at most {MAX_COORDINATE:g} millimetres")
-    trunk = _trunks(first)
+    trunk = _trunks(checked_size(joints, source))
     valid = np.isfinite(trunk.sum(axis=1))
     if not valid.any():
         raise InputError(f"{source}: no frame has both shoulders and both hips")
@@ -277,13 +275,30 @@ def _before_level_camera_m(joints: np.ndarray, first: np.ndarray, source: str) -
     axis = 1 + int(abs(mean[2]) > abs(mean[1]))
     if abs(mean[axis]) < 0.5 * np.median(np.linalg.norm(trunk[valid], axis=1)):
         raise InputError(f"{source}: neither y nor z points up or down along the dancer's trunk")
-    unit = unit_m(first, source)
-    if unit_m(joints, source) != unit:
+    return unit_m(joints, source), _TO_Y_UP[axis, bool(mean[axis] > 0)].T
+
+
+def checked_size(joints: np.ndarray, source: str) -> np.ndarray:
+    """The joints; raises InputError if one is too far away."""
+    largest = np.max(np.abs(joints), initial=0, where=np.isfinite(joints))
+    if not largest <= MAX_COORDINATE:
+        raise InputError(f"{source}: a coordinate of {largest:g}; expected at most {MAX_COORDINATE:g} millimetres")
+    return joints
+
+
+def _before_level_camera_m(joints: np.ndarray, first: np.ndarray, source: str) -> np.ndarray:
+    """(T, 15, 3) float32 joints in metres before a level camera (x right, y down, z forward).
+
+    The (T, 15, 3) given ones are in metres, centimetres or millimetres, in a right-handed frame whose y or z points up or down.
+    The camera stands before the dancer whose joints are the `first` ones, in the same unit and frame.
+    """
+    unit, to_y_up = upright(first, source)
+    if unit_m(checked_size(joints, source), source) != unit:
         raise InputError(f"{source}: in another unit than the first dancer's file; dancers of a group share one frame")
-    to_y_up = _TO_Y_UP[axis, bool(mean[axis] > 0)].T
     first_m, joints_m = first * unit @ to_y_up, joints * unit @ to_y_up
 
     hips_m = first_m[:, _HIPS].mean(axis=1)
+    valid = np.isfinite(_trunks(first).sum(axis=1))
     begin = np.flatnonzero(valid)[: max(len(valid) // 20, 1)]
     side = (first_m[:, Joint.LEFT_HIP] - first_m[:, Joint.RIGHT_HIP])[begin].mean(axis=0)
     origin = np.array([*hips_m[begin[0], [0]], np.nanmin(first_m[..., 1]), *hips_m[begin[0], [2]]])

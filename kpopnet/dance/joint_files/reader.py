@@ -10,6 +10,7 @@ from kpopnet.dance.joint_files import amass
 from kpopnet.dance.joint_files.bvh_motion import BvhMotion, bvh_points, read_bvh_group
 from kpopnet.dance.joint_files.gltf import read_gltf
 from kpopnet.dance.joint_files.markers import read_c3d, read_npy, read_trc
+from kpopnet.dance.joint_files.mediapipe import is_mediapipe, lifted
 from kpopnet.dance.joint_files.points import (
     COCO_NAMES,
     MEDIAPIPE_NAMES,
@@ -51,7 +52,8 @@ _WORLD_LANDMARKS = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmar
 def read_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
     """Reads a recording of joints; the ending of the file's name gives the format (docs/dance_scoring.md).
 
-    Joints of .npz files of our own stay in their camera frame, those of all other files are turned to face a level camera (see
+    Joints of .npz files of our own stay in their camera frame, MediaPipe's points are lifted in that of theirs
+    (`kpopnet.dance.joint_files.mediapipe`), those of all other files are turned to face a level camera (see
     `kpopnet.dance.joint_files.points`). `fps` is the true rate of a file with none or a wrong one; `joint_map` says
     which of the points that a file names are which joints (`with_joint_map`). A stranger's file is read by
     `read_strangers_performance`.
@@ -104,9 +106,11 @@ def _recorded(
             raise InputError(f"{path}: a pickle can run code when it is opened; save its arrays with numpy.savez first")
         case _:
             raise InputError(f"{path}: expected a file that ends with {', '.join(SUFFIXES)}")
-    if joint_map is not None and isinstance(recorded, NamedPoints):
-        recorded = with_joint_map(recorded, joint_map, str(path))
-    return recorded
+    if not isinstance(recorded, NamedPoints):
+        return recorded
+    if joint_map is not None:
+        return with_joint_map(recorded, joint_map, str(path))
+    return lifted(recorded, fps, str(path)) if is_mediapipe(recorded.names) else recorded
 
 
 def read_strangers_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
@@ -119,9 +123,9 @@ def read_strangers_group(paths: Sequence[Path], fps: float | None = None, joint_
     return [Performance(**one) for one in read_in_child(_arrays, paths[0], [*paths[1:]], fps, joint_map)]
 
 
-def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path | None) -> list[dict[str, np.ndarray]]:
+def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path | None) -> list[dict[str, Any]]:
     return [
-        {"joints_m": found.joints_m, "times_s": found.times_s, "confidence": found.confidence}
+        {name: getattr(found, name) for name in ("joints_m", "times_s", "confidence", "estimator")}
         for found in read_performances([path, *others], fps, joint_map)
     ]
 

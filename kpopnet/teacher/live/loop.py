@@ -14,6 +14,7 @@ from multiprocessing.connection import Connection
 import numpy as np
 from numba.core import event
 
+from kpopnet.dance.joint_files.mediapipe import WEBCAM
 from kpopnet.dance.noise.table import NOISE
 from kpopnet.errors import InputError
 from kpopnet.languages import Said, keyed
@@ -24,7 +25,7 @@ from kpopnet.sources.live import NewestImage
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Lesson
 from kpopnet.teacher.live.score import Calibration, DanceTry, kept_formation, together
-from kpopnet.teacher.live.webcam import NO_DEPTH_M, WEBCAM, WebcamCamera, WebcamEstimator
+from kpopnet.teacher.live.webcam import NO_DEPTH_M, WebcamCamera, WebcamEstimator
 
 PICTURE_WIDTH = 160
 NEAR_M, FAR_M = 0.5, 5.5

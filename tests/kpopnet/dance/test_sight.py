@@ -12,7 +12,8 @@ from kpopnet.dance.noise.sight import POINTS_AT_CAMERA, path_distances, seen_dif
 from kpopnet.dance.noise.steady import FEATURE
 from kpopnet.dance.noise.table import NOISE
 from kpopnet.dance.online import OnlineScorer
-from kpopnet.dance.scoring import OURS, score_dance
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import OURS, SCORERS, score_dance
 from kpopnet.dance.window import PARTS, part_of_angles
 from kpopnet.skeleton import Joint
 
@@ -176,3 +177,14 @@ def test_online_a_mirror_image_and_joints_about_the_hips_are_compared_in_the_sam
     assert image.similarity == pytest.approx(whole.similarity, abs=0.01)
     centred_m = learner_m - learner_m[:, [Joint.TORSO]]
     assert score_dance(performed(JOINTS_M), performed(centred_m), flat).similarity == pytest.approx(whole.similarity, abs=3)
+
+
+def test_the_errors_that_a_learners_joints_have_are_known_unless_others_are_named():
+    learner_m = along_the_lines_of_sight(JOINTS_M, 0.08)
+    learner = Performance(learner_m, np.arange(len(JOINTS_M)) / FPS, estimator="webcam")
+    found = score_dance(performed(JOINTS_M), learner)
+    assert found.scorer.noise == "webcam" and found.uncertainty > 0
+    assert found.similarity == score_dance(performed(JOINTS_M), learner, replace(OURS, noise="webcam")).similarity
+    plain = score_dance(performed(JOINTS_M), learner, replace(OURS, noise="none"))
+    assert plain.similarity < found.similarity and score_dance(performed(JOINTS_M), performed(learner_m)).uncertainty == 0
+    assert score_dance(performed(JOINTS_M), learner, SCORERS["paper"]).scorer is SCORERS["paper"]

@@ -9,10 +9,11 @@ from dance_people import dance_joints_m
 from hypothesis import given
 from hypothesis import strategies as st
 
+from kpopnet.dance.joint_files.mediapipe import CAMERA, seen_joints
 from kpopnet.errors import InputError
 from kpopnet.networks.lifting import HIPS, READ, Lifting, Sighting, frame_along, sighting
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
-from kpopnet.teacher.live.webcam import CAMERA, read_seen, seen_joints
+from kpopnet.teacher.live.webcam import read_seen
 from kpopnet.weights import shipped_lifting
 
 POINTS = Path(__file__).parents[2] / "assets" / "webcam_points.npz"

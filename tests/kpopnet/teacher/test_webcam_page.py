@@ -14,8 +14,9 @@ from selenium.webdriver.support.ui import WebDriverWait
 from teacher_page import BROWSER, DRIVER, chromium, served
 from webcam_films import STAMP_BITS, STAMP_PX, FilmedLearner, write_film
 
+from kpopnet.dance.joint_files.mediapipe import CAMERA, WEBCAM
 from kpopnet.skeleton import Joint
-from kpopnet.teacher.live.webcam import CAMERA, DESCRIPTION, WEBCAM, WebcamEstimator, read_seen
+from kpopnet.teacher.live.webcam import DESCRIPTION, WebcamEstimator, read_seen
 
 if not (DRIVER and BROWSER):
     pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)

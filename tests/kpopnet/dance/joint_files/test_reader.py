@@ -20,6 +20,7 @@ from kpopnet.dance.joint_files.points import (
 )
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.errors import InputError
+from kpopnet.networks.lifting import HIPS, READ, Lifting
 from kpopnet.skeleton import Joint
 
 TIMES_S = np.arange(FRAMES) / 25.0
@@ -145,9 +146,13 @@ def mediapipe() -> np.ndarray:
     return np.stack(found, axis=1)
 
 
-def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path):
+def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path, monkeypatch):
+    """Lifted by a network that changes nothing."""
+    layers = {"0.weight": np.zeros((60, READ)), "0.bias": np.zeros(60)}
+    monkeypatch.setattr(Lifting, "load", lambda _: Lifting(layers))
     np.savez(tmp_path / "coco.npz", keypoints3d=coco(), fps=25)
     expected = read_performance(tmp_path / "coco.npz").joints_m
+    expected -= expected[:, HIPS].mean(axis=1, keepdims=True)
     frames, lines = [], ["timestamp_ms,landmark,x,y,z,visibility"]
     for number, points in enumerate(mediapipe().tolist()):
         people = [[dict(zip("xyz", point, strict=True)) | {"visibility": 0.8} for point in points]]
@@ -160,15 +165,16 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path):
         read = read_performance(tmp_path / name)
         seen = np.isfinite(read.joints_m).all(axis=(1, 2))
         assert np.flatnonzero(~seen).tolist() == ([3] if name == "a.json" else [])
-        np.testing.assert_allclose(read.joints_m[seen], expected[seen], atol=1e-5)
-        assert read.times_s[2] == pytest.approx(0.08) and read.confidence[2, Joint.LEFT_KNEE] == 0.8
+        np.testing.assert_allclose(read.joints_m[seen], expected[seen], atol=0.02)
+        assert read.times_s[2] == pytest.approx(0.08) and read.confidence[2, Joint.LEFT_KNEE] == pytest.approx(0.5)
+        assert read.estimator == "webcam"
     by_number = ["frame,landmark,x,y,z,world_x,world_y,world_z"]
     for number, points in enumerate(mediapipe().tolist()):
         lines = [f"{20 + number},{index},0.5,0.5,0,{x},{y},{z}" for index, (x, y, z) in enumerate(points)]
         by_number += lines if number != 2 else []  # no person was found in it
     (tmp_path / "c.csv").write_text("\n".join(by_number))
     read = read_performance(tmp_path / "c.csv", 25)
-    np.testing.assert_allclose(read.joints_m[22], expected[3], atol=1e-5)  # frames count from 1 where none is 0
+    np.testing.assert_allclose(read.joints_m[22], expected[3], atol=0.02)  # frames count from 1 where none is 0
     unseen = np.isnan(read.joints_m).all(axis=(1, 2))
     assert np.flatnonzero(unseen).tolist() == [*range(19), 21] and read.times_s[22] == pytest.approx(0.88)
 

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from kpopnet.camera import CAMERAS
+from kpopnet.dance.joint_files.mediapipe import WEBCAM
 from kpopnet.pose import PersonPose
 from kpopnet.sources.live import NewestImage
 from kpopnet.sources.source import CameraAwayError
 from kpopnet.teacher.live import loop
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import Learner, choose_each
-from kpopnet.teacher.live.webcam import WEBCAM, read_seen
+from kpopnet.teacher.live.webcam import read_seen
 
 FPS, LATE_S = 30, 0.2
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from kpopnet.dance.joint_files.mediapipe import CAMERA, EXCHANGED
 from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES
 from kpopnet.errors import InputError
 from kpopnet.networks.lifting import READ, Lifting
 from kpopnet.skeleton import Joint
 from kpopnet.sources.source import CameraAwayError
-from kpopnet.teacher.live.webcam import CAMERA, EXCHANGED, WebcamCamera, WebcamEstimator, read_seen, recorded
+from kpopnet.teacher.live.webcam import WebcamCamera, WebcamEstimator, read_seen, recorded
 
 PLACE_M, ON_AXIS_M = np.array([0.3, 0.1, 2.6]), np.array([0.0, 0.0, 2.6])
 
