@@ -22,6 +22,7 @@ from kpopnet.dance.joint_files.points import (
     upright,
 )
 from kpopnet.dance.performance import Performance
+from kpopnet.errors import InputError
 from kpopnet.networks.lifting import HIPS, Lifting, Sighting, sighting
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.weights import shipped_lifting
@@ -34,6 +35,10 @@ CAMERA = Camera.from_fov(60.0, 640, 480)
 
 DISTANCE_M = np.array([0.0, 0.0, 3.0])
 """From where a person is taken to be seen of whom a file says nothing but the world landmarks."""
+
+LEAST_SHARE, MOST_SHARES = 0.1, 0.98
+"""Landmarks in a picture are shares of its width and height: hips lie above this, and this part of all in the picture or
+nearly. The hips of world landmarks lie at 0."""
 
 LEAST_POINTS, LEAST_JOINTS = 8, 4
 """Of MediaPipe's points and of our joints, those within the picture from which the person's place follows."""
@@ -130,9 +135,15 @@ def is_mediapipe(names: Sequence[str]) -> bool:
 def lifted(recorded: NamedPoints, fps: float | None, source: str) -> Performance:
     """The dance of MediaPipe's world landmarks, in the axes of their camera about the middle of the hips.
 
-    `fps` is the true rate of a file with none or a wrong one. Raises InputError as `named_performances`.
+    `fps` is the true rate of a file with none or a wrong one. Raises InputError as `named_performances`, and for landmarks in
+    the picture.
     """
     joints, _ = named_joints(recorded, source)
+    if _are_of_picture(joints[np.isfinite(joints).all(axis=(1, 2)), :, :2]):
+        raise InputError(
+            f"{source}: points in shares of a picture's width and height, as of pose_landmarks; a score needs "
+            "MediaPipe's pose_world_landmarks"
+        )
     unit, to_y_up = upright(joints, source)
     order = [list(recorded.names).index(name) for name in MEDIAPIPE_NAMES]
     about_hips = recorded.points[:, order] - joints[:, HIPS].mean(axis=1, keepdims=True)
@@ -149,6 +160,14 @@ def lifted(recorded: NamedPoints, fps: float | None, source: str) -> Performance
         if found is not None:
             joints_m[frame], confidence[frame] = found[0] - found[0][HIPS].mean(axis=0), found[1]
     return checked_performance(joints_m, times_s, confidence, source, WEBCAM)
+
+
+def _are_of_picture(joints: np.ndarray) -> bool:
+    """Whether (T, 15, 2) joints are shares of a picture's width and height."""
+    if not len(joints):
+        return False
+    hips = np.median(joints[:, HIPS].mean(axis=1), axis=0)
+    return bool(hips.min() > LEAST_SHARE and np.mean((joints > -0.1) & (joints < 1.1)) > MOST_SHARES)
 
 
 class SeenJoints(NamedTuple):

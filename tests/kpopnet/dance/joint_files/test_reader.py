@@ -168,6 +168,11 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path, mon
         np.testing.assert_allclose(read.joints_m[seen], expected[seen], atol=0.02)
         assert read.times_s[2] == pytest.approx(0.08) and read.confidence[2, Joint.LEFT_KNEE] == pytest.approx(0.5)
         assert read.estimator == "webcam"
+    shares = (mediapipe() - mediapipe()[:, 23:25].mean(axis=1, keepdims=True)) * 0.4 + [0.5, 0.5, 0.0]
+    lines = [f"{40 * k},{index},{x},{y},{z},0.8" for k, points in enumerate(shares) for index, (x, y, z) in enumerate(points)]
+    (tmp_path / "picture.csv").write_text("\n".join(["timestamp_ms,landmark,x,y,z,visibility", *lines]))
+    with pytest.raises(InputError, match=r"picture\.csv: points in shares .* needs MediaPipe's pose_world_landmarks"):
+        read_performance(tmp_path / "picture.csv")
     by_number = ["frame,landmark,x,y,z,world_x,world_y,world_z"]
     for number, points in enumerate(mediapipe().tolist()):
         lines = [f"{20 + number},{index},0.5,0.5,0,{x},{y},{z}" for index, (x, y, z) in enumerate(points)]
