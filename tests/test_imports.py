@@ -17,11 +17,8 @@ LAYERS = (
     ("kpopnet.data",),
     ("kpopnet.geometry", "kpopnet.sources"),
     ("kpopnet.y_pose",),
-    (
-        *("kpopnet.paper_extraction", "kpopnet.dance", "kpopnet.networks", "kpopnet.paper_tracker"),
-        "kpopnet.tracker",
-    ),
-    ("kpopnet.finder",),
+    ("kpopnet.paper_extraction", "kpopnet.networks", "kpopnet.paper_tracker", "kpopnet.tracker"),
+    ("kpopnet.finder", "kpopnet.dance"),
     ("kpopnet.training", "kpopnet.baselines", "kpopnet.pose"),
     ("kpopnet.datasets",),
     ("kpopnet.evaluation", "kpopnet.teacher"),

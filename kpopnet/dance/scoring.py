@@ -221,7 +221,7 @@ def score_dance(
     or no joint is known in one of the dances; or joints are given without `fps`.
     """
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
-    if isinstance(scorer, PartScorer) and scorer.noise == "auto":
+    if isinstance(scorer, PartScorer) and scorer.noise == "auto" and learner.estimator != "none":
         scorer = replace(scorer, noise=learner.estimator)
     if not unobserved_is_nan:
         check_observed(learner.is_observed, len(learner), "learner")
