@@ -141,25 +141,24 @@ class OnlineScorer:
         self._catch_up()
 
     def _score_frames(self, before_s: float, stop: int) -> None:
-        """Scores the grid's frames before a time in seconds and before the frame `stop`."""
-        while self._next < stop and self._grid.time_s(self._next) < before_s:
-            self._score_frame()
-
-    def _score_frame(self) -> None:
-        """Scores the next frame of the grid."""
-        at_s = float(self._grid.time_s(self._next))
-        while len(self._samples) > 1 and self._samples[0][0] < at_s - self.lag_s:
-            self._samples.popleft()
-        self._frames.append(self._frame(self._next))
-        self._next, self._behind = self._next + 1, self._behind + 1
-        _add(self._frames[-self._history :], self._shown, 1)
-        start = self._next - WINDOW_FRAMES
-        if start < 0:
+        """Adds the grid's frames before a time in seconds and the frame `stop`, and scores the window that ends with them."""
+        new = 0
+        while self._next < stop and (at_s := float(self._grid.time_s(self._next))) < before_s:
+            while len(self._samples) > 1 and self._samples[0][0] < at_s - self.lag_s:
+                self._samples.popleft()
+            self._frames.append(self._frame(self._next))
+            self._next, new = self._next + 1, new + 1
+        if not new:
             return
+        self._behind += new
+        _add(self._frames[-(self._history + new) :], self._shown, new)
+        if self._next < WINDOW_FRAMES:
+            return
+        kept = len(self._shown.kept)
         is_kept = self._shown.keep_windows(self._next)
-        window = self._shown.kept[-1] if is_kept else self._shown.window(start)
+        window = self._shown.kept[-1] if is_kept else self._shown.window(self._next - WINDOW_FRAMES)
         self._latest = self._score(self._next - 1, window)
-        if is_kept and self.scorer.mirrored == "auto":
+        if len(self._shown.kept) > kept and self.scorer.mirrored == "auto":
             self._catch_up()
 
     def _catch_up(self) -> None:

@@ -381,7 +381,7 @@ class Comparison:
         return self._teacher.window(self._distances[:stop], learner, start, self._learner.confidence[:stop])
 
     def keep_windows(self, frames: int) -> bool:
-        """Scores and keeps the windows within the teacher's first `frames` that are not kept yet; whether there were any."""
+        """Scores and keeps the windows in the teacher's first `frames` that are not kept yet; whether one ends with them."""
         starts = range(len(self.kept) * self._hop_frames, frames - WINDOW_FRAMES + 1, self._hop_frames)
         for start in starts:
             window, weight = self.window(start), float(self._teacher.movement[len(self.kept)])
@@ -389,7 +389,7 @@ class Comparison:
             if not math.isnan(window.similarity):
                 self._sum, self._weight = self._sum + weight * window.similarity, self._weight + weight
                 self._most += weight * window.limit
-        return bool(starts)
+        return bool(starts) and starts[-1] + WINDOW_FRAMES == frames
 
     @property
     def so_far(self) -> float:
