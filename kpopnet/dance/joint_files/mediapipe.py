@@ -17,6 +17,7 @@ from kpopnet.dance.joint_files.points import (
     MEDIAPIPE_NAMES,
     NamedPoints,
     checked_performance,
+    checked_size,
     frame_times_s,
     named_joints,
     upright,
@@ -35,6 +36,9 @@ CAMERA = Camera.from_fov(60.0, 640, 480)
 
 DISTANCE_M = np.array([0.0, 0.0, 3.0])
 """From where a person is taken to be seen of whom a file says nothing but the world landmarks."""
+
+REACH_M = 2.0
+"""No point of a person is as far from the hips, along any axis."""
 
 LEAST_SHARE, MOST_SHARES = 0.1, 0.98
 """Landmarks in a picture are shares of its width and height: hips lie above this, and this part of all in the picture or
@@ -146,10 +150,12 @@ def lifted(recorded: NamedPoints, fps: float | None, source: str) -> Performance
         )
     unit, to_y_up = upright(joints, source)
     order = [list(recorded.names).index(name) for name in MEDIAPIPE_NAMES]
-    about_hips = recorded.points[:, order] - joints[:, HIPS].mean(axis=1, keepdims=True)
+    points = np.where(np.isfinite(recorded.points[:, order]), recorded.points[:, order], np.nan)
+    about_hips = checked_size(points, source) - joints[:, HIPS].mean(axis=1, keepdims=True)
     points_m = about_hips * unit @ to_y_up * [1.0, -1.0, -1.0]
     confidence = np.ones(points_m.shape[:2]) if recorded.confidence is None else recorded.confidence[:, order]
-    visibility = np.where(np.isfinite(points_m).all(axis=2), np.clip(np.nan_to_num(confidence), 0, 1), 0.0)
+    within = (np.abs(points_m) < REACH_M).all(axis=2)  # not where one is missing
+    visibility = np.where(within, np.clip(np.nan_to_num(confidence), 0, 1), 0.0)
     points_m = np.where(visibility[..., None] > 0, points_m, 0.0)
     times_s = frame_times_s(len(joints), recorded.times_s, recorded.fps, fps, source)
     joints_m, confidence = np.full((len(joints), NUM_JOINTS, 3), np.nan), np.zeros((len(joints), NUM_JOINTS))

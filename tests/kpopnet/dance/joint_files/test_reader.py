@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import pickle
 from pathlib import Path
 
@@ -182,6 +183,20 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path, mon
     np.testing.assert_allclose(read.joints_m[22], expected[3], atol=0.02)  # frames count from 1 where none is 0
     unseen = np.isnan(read.joints_m).all(axis=(1, 2))
     assert np.flatnonzero(unseen).tolist() == [*range(19), 21] and read.times_s[22] == pytest.approx(0.88)
+
+
+@pytest.mark.parametrize("far", [math.inf, math.nan, -50.0, 1e5])
+def test_a_point_of_mediapipes_that_is_no_part_of_the_person_is_not_seen(tmp_path, far):
+    frames = []
+    for number, points in enumerate(mediapipe().tolist()):
+        person = [dict(zip("xyz", point, strict=True)) for point in points]
+        for name in ("left_wrist", "left_thumb") if number == 2 else ():
+            person[MEDIAPIPE_NAMES.index(name)]["z"] = far
+        frames.append({"timestamp_ms": 40 * number, "pose_world_landmarks": person})
+    (tmp_path / "a.json").write_text(json.dumps({"frames": frames}))
+    read = read_performance(tmp_path / "a.json")
+    assert np.isfinite(read.joints_m[[1, 3]]).all() and np.isnan(read.joints_m[2, Joint.LEFT_HAND]).all()
+    assert np.isfinite(read.joints_m[2, Joint.RIGHT_HAND]).all() and not read.confidence[2, Joint.LEFT_HAND]
 
 
 def test_frames_that_a_wide_table_leaves_out_keep_their_time_and_two_people_in_one_are_refused(tmp_path):
