@@ -37,6 +37,10 @@ CAMERA = Camera.from_fov(60.0, 640, 480)
 DISTANCE_M = np.array([0.0, 0.0, 3.0])
 """From where a person is taken to be seen of whom a file says nothing but the world landmarks."""
 
+SHAPES, FARTHEST_SHARE = (9 / 16, 3 / 4, 1.0, 4 / 3, 16 / 9), 3.0
+"""Width by height of pictures, whose diagonal a camera is taken to see under one angle; and how far outside of one, in shares
+of it, a point is guessed at most."""
+
 REACH_M = 2.0
 """No point of a person is as far from the hips, along any axis."""
 
@@ -137,7 +141,8 @@ def is_mediapipe(names: Sequence[str]) -> bool:
 
 
 def lifted(recorded: NamedPoints, fps: float | None, source: str) -> Performance:
-    """The dance of MediaPipe's world landmarks, in the axes of their camera about the middle of the hips.
+    """The dance of MediaPipe's world landmarks, in the axes of their camera: before it where the file says where they are in
+    the picture, else about the middle of the hips.
 
     `fps` is the true rate of a file with none or a wrong one. Raises InputError as `named_performances`, and for landmarks in
     the picture.
@@ -155,17 +160,41 @@ def lifted(recorded: NamedPoints, fps: float | None, source: str) -> Performance
     points_m = about_hips * unit @ to_y_up * [1.0, -1.0, -1.0]
     confidence = np.ones(points_m.shape[:2]) if recorded.confidence is None else recorded.confidence[:, order]
     within = (np.abs(points_m) < REACH_M).all(axis=2)  # not where one is missing
+    if recorded.image is not None:
+        within &= (np.abs(recorded.image[:, order]) < FARTHEST_SHARE).all(axis=2)
     visibility = np.where(within, np.clip(np.nan_to_num(confidence), 0, 1), 0.0)
     points_m = np.where(visibility[..., None] > 0, points_m, 0.0)
+    if recorded.image is None:
+        camera, image_px = CAMERA, CAMERA.project(points_m + DISTANCE_M)[..., :2]
+    else:
+        shares = np.where(visibility[..., None] > 0, recorded.image[:, order], 0.0)
+        camera = picture_camera(points_m, shares, visibility)
+        image_px = shares * [camera.width, camera.height] - 0.5
     times_s = frame_times_s(len(joints), recorded.times_s, recorded.fps, fps, source)
     joints_m, confidence = np.full((len(joints), NUM_JOINTS, 3), np.nan), np.zeros((len(joints), NUM_JOINTS))
     joints_of = PictureJoints()
     for frame in np.flatnonzero(visibility.any(axis=1)):
-        image_px = CAMERA.project(points_m[frame] + DISTANCE_M)[:, :2]
-        found = joints_of(Landmarks(points_m[frame], image_px, visibility[frame]), CAMERA, float(times_s[frame]))
-        if found is not None:
-            joints_m[frame], confidence[frame] = found[0] - found[0][HIPS].mean(axis=0), found[1]
+        person = Landmarks(points_m[frame], image_px[frame], visibility[frame])
+        if (found := joints_of(person, camera, float(times_s[frame]))) is not None:
+            place_m = found[0][HIPS].mean(axis=0) if recorded.image is None else 0.0
+            joints_m[frame], confidence[frame] = found[0] - place_m, found[1]
     return checked_performance(joints_m, times_s, confidence, source, WEBCAM)
+
+
+def picture_camera(points_m: np.ndarray, shares: np.ndarray, visibility: np.ndarray) -> Camera:
+    """A camera of a usual field of view, of pictures of that of SHAPES in which people look as wide as they are.
+
+    Takes (T, 33, 3) points about the hips, metres, (T, 33, 2) shares of the pictures' width and height, and (T, 33) visibility.
+    """
+    weights = (visibility / np.maximum(visibility.sum(axis=1, keepdims=True), 1e-9))[..., None]
+    world, picture = (one - (weights * one).sum(axis=1, keepdims=True) for one in (points_m[..., :2], shares))
+    across, down = (weights * world * picture).sum(axis=1).T / np.maximum((weights * world**2).sum(axis=1), 1e-9).T
+    seen = (across > 0) & (down > 0)
+    ratio = float(np.median(down[seen] / across[seen])) if seen.any() else CAMERA.width / CAMERA.height
+    shape = min(SHAPES, key=lambda one: abs(math.log(one / ratio)))
+    diagonal_px = math.hypot(CAMERA.width, CAMERA.height)
+    height = diagonal_px / math.hypot(shape, 1.0)
+    return Camera.centred(CAMERA.fx, round(shape * height), round(height))
 
 
 def _are_of_picture(joints: np.ndarray) -> bool:

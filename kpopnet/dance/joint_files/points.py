@@ -92,6 +92,7 @@ class NamedPoints(NamedTuple):
         points: (T, P, 3) in metres, centimetres or millimetres, y or z up or down; NaN where missing.
         times_s: (T,) seconds; None where the file states none, as `fps`.
         confidence: (T, P) in 0..1; None for 1.
+        image: (T, P, 2) where the points are in a picture, shares of its width and height; None where that is not known.
     """
 
     names: Sequence[str]
@@ -99,6 +100,7 @@ class NamedPoints(NamedTuple):
     times_s: np.ndarray | None = None
     confidence: np.ndarray | None = None
     fps: float | None = None
+    image: np.ndarray | None = None
 
 
 def named_performances(group: Sequence[tuple[NamedPoints, str]], fps: float | None = None) -> list[Performance]:

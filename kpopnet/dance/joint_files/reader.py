@@ -47,6 +47,7 @@ NPZ_SCHEMA = {
 the confidence of each joint or point. Or poses, as of AMASS."""
 
 _WORLD_LANDMARKS = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
+_PICTURE_LANDMARKS = ("pose_landmarks", "landmarks", "poseLandmarks")
 
 
 def read_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
@@ -162,7 +163,7 @@ def _read_json(path: Path) -> NamedPoints:
     - {"joint_names": [...], "frames": [{"timestamp_usec": 0, "bodies": [{"body_id": 1, "joint_positions": [...]}]}]}: of Azure
       Kinect's offline processor; see `_azure_points`.
     - {"frames": [{"timestamp_ms": 0, "pose_world_landmarks": [{"x": 0, "y": 0, "z": 0, "visibility": 1}, 33 times]}]}: of
-      MediaPipe.
+      MediaPipe; better with pose_landmarks beside, where they are in the picture.
     """
     content, where = read_json(path, non_finite=True), str(path)
     _refuse_2d(content, where)
@@ -176,8 +177,18 @@ def _read_json(path: Path) -> NamedPoints:
         return NamedPoints(COCO_NAMES, np.array(points), fps=fps)
     check_fields(where, content, {"frames": list[dict], "joint_names": list[str]}, ["joint_names"])
     expect(len(content["frames"]) > 0, where, "frames, found none")
-    if (key := next((key for key in _WORLD_LANDMARKS if any(key in frame for frame in content["frames"])), None)) is not None:
-        return joint_points([_mediapipe_frame(frame, key, where) for frame in content["frames"]], fps, where)
+    world, picture = (
+        next((key for key in keys if any(key in frame for frame in content["frames"])), None)
+        for keys in (_WORLD_LANDMARKS, _PICTURE_LANDMARKS)
+    )
+    if world is not None:
+        found, *in_picture = (
+            joint_points([_mediapipe_frame(frame, key, where) for frame in content["frames"]], fps, where)
+            for key in (world, picture)
+            if key is not None
+        )
+        images = [one.points[..., :2] for one in in_picture if one.names == found.names]
+        return found._replace(image=images[0]) if images else found
     if "joint_names" in content:
         return _azure_points(content["joint_names"], content["frames"], where)
     return joint_points(content["frames"], fps, where)

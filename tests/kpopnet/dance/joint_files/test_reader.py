@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from recorded_points import FRAMES, coco, imperial, person
 
+from kpopnet.camera import Camera
+from kpopnet.dance.joint_files.mediapipe import CAMERA
 from kpopnet.dance.joint_files.points import (
     COCO_NAMES,
     IMPERIAL_NAMES,
@@ -183,6 +185,27 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path, mon
     np.testing.assert_allclose(read.joints_m[22], expected[3], atol=0.02)  # frames count from 1 where none is 0
     unseen = np.isnan(read.joints_m).all(axis=(1, 2))
     assert np.flatnonzero(unseen).tolist() == [*range(19), 21] and read.times_s[22] == pytest.approx(0.88)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1920, 1080), (720, 1280), (640, 480)])
+def test_mediapipes_landmarks_in_the_picture_tell_where_a_person_stands_and_the_pictures_shape(
+    tmp_path, monkeypatch, width, height
+):
+    layers = {"0.weight": np.zeros((60, READ)), "0.bias": np.zeros(60)}
+    monkeypatch.setattr(Lifting, "load", lambda _: Lifting(layers))
+    camera = Camera.centred(CAMERA.fx * math.hypot(width, height) / math.hypot(CAMERA.width, CAMERA.height), width, height)
+    world_m, place_m = mediapipe() - mediapipe()[:, 23:25].mean(axis=1, keepdims=True), np.array([0.2, 0.1, 3.4])
+    shares = (camera.project(world_m + place_m)[..., :2] + 0.5) / [width, height]
+    frames = []
+    for number, (world, picture) in enumerate(zip(world_m.tolist(), shares.tolist(), strict=True)):
+        landmarks = [[dict(zip("xyz", one, strict=False)) | {"z": one[-1]} for one in points] for points in (world, picture)]
+        found = dict(zip(("pose_world_landmarks", "pose_landmarks"), landmarks, strict=True)) if number != 3 else {}
+        frames.append({"timestamp_ms": 40 * number, "pose_world_landmarks": []} | found)
+    (tmp_path / "a.json").write_text(json.dumps({"frames": frames}))
+    read = read_performance(tmp_path / "a.json")
+    assert np.isnan(read.joints_m[3]).all() and np.isfinite(read.joints_m[4]).all()
+    hips_m = read.joints_m[:, HIPS].mean(axis=1)
+    np.testing.assert_allclose(np.nanmedian(hips_m, axis=0), place_m, atol=0.1)
 
 
 @pytest.mark.parametrize("far", [math.inf, math.nan, -50.0, 1e5])
