@@ -20,6 +20,7 @@ from kpopnet.dance.joint_files.points import (
     checked_size,
     frame_times_s,
     named_joints,
+    plain_name,
     upright,
 )
 from kpopnet.dance.performance import Performance
@@ -37,9 +38,8 @@ CAMERA = Camera.from_fov(60.0, 640, 480)
 DISTANCE_M = np.array([0.0, 0.0, 3.0])
 """From where a person is taken to be seen of whom a file says nothing but the world landmarks."""
 
-SHAPES, FARTHEST_SHARE = (9 / 16, 3 / 4, 1.0, 4 / 3, 16 / 9), 3.0
-"""Width by height of pictures, whose diagonal a camera is taken to see under one angle; and how far outside of one, in shares
-of it, a point is guessed at most."""
+SHAPES = (9 / 16, 3 / 4, 1.0, 4 / 3, 16 / 9)
+"""Width by height of pictures, whose diagonal a camera is taken to see under one angle."""
 
 REACH_M = 2.0
 """No point of a person is as far from the hips, along any axis."""
@@ -76,7 +76,7 @@ class Landmarks(NamedTuple):
     """The 33 points of a person in one picture, in the order of `MEDIAPIPE_NAMES`."""
 
     world_m: np.ndarray  # (33, 3) metres about the middle of the hips
-    image_px: np.ndarray  # (33, 2) in the picture of `CAMERA`
+    image_px: np.ndarray  # (33, 2) in the camera's picture
     visibility: np.ndarray  # (33,) in 0..1, 0 outside the picture
 
     def exchanged(self) -> "Landmarks":
@@ -120,7 +120,7 @@ class PictureJoints:
     def _on_their_sides(self, person: Landmarks, time_s: float) -> Landmarks:
         """The points of a picture, left and right exchanged where MediaPipe has probably exchanged them.
 
-        It takes some people for ones who look the other way in single pictures, and back; nobody turns as fast. How near the
+        It takes some people for ones who look the other way in single pictures, and back; no person turns as fast. How near the
         points are to those of the picture before says whether left and right changed between the two, the rate BELIEVED that
         MediaPipe is mostly right.
         """
@@ -136,8 +136,8 @@ class PictureJoints:
 
 
 def is_mediapipe(names: Sequence[str]) -> bool:
-    """Whether points are all of MediaPipe's, by their names."""
-    return set(names) == set(MEDIAPIPE_NAMES)
+    """Whether points are all of MediaPipe's, by their names in any spelling."""
+    return sorted(map(plain_name, names)) == sorted(map(plain_name, MEDIAPIPE_NAMES))
 
 
 def lifted(recorded: NamedPoints, fps: float | None, source: str) -> Performance:
@@ -154,14 +154,15 @@ def lifted(recorded: NamedPoints, fps: float | None, source: str) -> Performance
             "MediaPipe's pose_world_landmarks"
         )
     unit, to_y_up = upright(joints, source)
-    order = [list(recorded.names).index(name) for name in MEDIAPIPE_NAMES]
+    names = [plain_name(name) for name in recorded.names]
+    order = [names.index(plain_name(name)) for name in MEDIAPIPE_NAMES]
     points = np.where(np.isfinite(recorded.points[:, order]), recorded.points[:, order], np.nan)
     about_hips = checked_size(points, source) - joints[:, HIPS].mean(axis=1, keepdims=True)
     points_m = about_hips * unit @ to_y_up * [1.0, -1.0, -1.0]
     confidence = np.ones(points_m.shape[:2]) if recorded.confidence is None else recorded.confidence[:, order]
     within = (np.abs(points_m) < REACH_M).all(axis=2)  # not where one is missing
     if recorded.image is not None:
-        within &= (np.abs(recorded.image[:, order]) < FARTHEST_SHARE).all(axis=2)
+        within &= ((recorded.image[:, order] >= 0) & (recorded.image[:, order] <= 1)).all(axis=2)
     visibility = np.where(within, np.clip(np.nan_to_num(confidence), 0, 1), 0.0)
     points_m = np.where(visibility[..., None] > 0, points_m, 0.0)
     if recorded.image is None:

@@ -110,7 +110,7 @@ def _recorded(
     if not isinstance(recorded, NamedPoints):
         return recorded
     if joint_map is not None:
-        return with_joint_map(recorded, joint_map, str(path))
+        recorded = with_joint_map(recorded, joint_map, str(path))
     return lifted(recorded, fps, str(path)) if is_mediapipe(recorded.names) else recorded
 
 

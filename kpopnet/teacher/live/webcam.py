@@ -102,4 +102,4 @@ def recorded(message: Any) -> Performance:
         confidence.append(people[0].confidence if people else np.zeros(NUM_JOINTS))
         times_s.append(frame["time_s"])
     expect(bool(times_s), where, "pictures, found none")
-    return checked_performance(np.array(joints_m), np.array(times_s, float), np.array(confidence), where)
+    return checked_performance(np.array(joints_m), np.array(times_s, float), np.array(confidence), where, WEBCAM)

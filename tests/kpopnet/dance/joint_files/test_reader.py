@@ -208,6 +208,33 @@ def test_mediapipes_landmarks_in_the_picture_tell_where_a_person_stands_and_the_
     np.testing.assert_allclose(np.nanmedian(hips_m, axis=0), place_m, atol=0.1)
 
 
+def test_names_of_mediapipes_points_may_be_spelt_otherwise_and_a_joint_map_of_another_file_changes_nothing(tmp_path):
+    names = [name.upper() for name in MEDIAPIPE_NAMES]
+    path = write_csv(tmp_path / "a.csv", dict(zip(names, np.moveaxis(mediapipe(), 1, 0), strict=True)))
+    (tmp_path / "map.json").write_text(json.dumps({"left_hand": "LWRA"}))
+    read, mapped = read_performance(path), read_performance(path, joint_map=tmp_path / "map.json")
+    assert read.estimator == mapped.estimator == "webcam"
+    np.testing.assert_array_equal(read.joints_m, mapped.joints_m)
+    path = write_csv(tmp_path / "b.csv", dict(zip(MEDIAPIPE_NAMES, np.moveaxis(mediapipe(), 1, 0), strict=True)))
+    np.testing.assert_array_equal(read.joints_m, read_performance(path).joints_m)
+
+
+def test_mediapipes_points_outside_the_picture_are_not_seen(tmp_path):
+    frames, world_m = [], mediapipe() - mediapipe()[:, 23:25].mean(axis=1, keepdims=True)
+    for number, points in enumerate(world_m.tolist()):
+        world = [dict(zip("xyz", point, strict=True)) for point in points]
+        shares = [{"x": 0.5 + 0.2 * x, "y": 0.5 + 0.3 * y, "z": z} for x, y, z in points]
+        for name in MEDIAPIPE_NAMES:
+            if "ankle" in name or "foot" in name or "heel" in name:
+                shares[MEDIAPIPE_NAMES.index(name)]["y"] = 1.05
+        frames.append({"timestamp_ms": 40 * number, "pose_world_landmarks": world, "pose_landmarks": shares})
+    frames[0]["pose_landmarks"] = [dict(one, y=min(one["y"], 0.9)) for one in frames[0]["pose_landmarks"]]
+    (tmp_path / "a.json").write_text(json.dumps({"frames": frames}))
+    read = read_performance(tmp_path / "a.json")
+    assert not read.confidence[1:, Joint.LEFT_FOOT].any() and read.confidence[0, Joint.LEFT_FOOT] > 0
+    assert (read.confidence[1:, Joint.RIGHT_SHOULDER] > 0).all()
+
+
 @pytest.mark.parametrize("far", [math.inf, math.nan, -50.0, 1e5])
 def test_a_point_of_mediapipes_that_is_no_part_of_the_person_is_not_seen(tmp_path, far):
     frames = []
