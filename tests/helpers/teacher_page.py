@@ -30,7 +30,6 @@ FLAGS = (
     "lang=en-US",
     "no-sandbox",
     "disable-dev-shm-usage",
-    "use-angle=swiftshader",
     "enable-unsafe-swiftshader",
 )
 FAKE_WEBCAM = ("use-fake-device-for-media-stream", "use-fake-ui-for-media-stream")
