@@ -102,13 +102,14 @@ export class Dancer {
 const other = new Quaternion();
 
 // How much a machine can draw. Drawings that it has not finished would queue, and hold up everything that the page shows: the next
-// one waits until the one before is finished, and then as long again. Where that takes long, as without a graphics card, pictures
-// get coarser.
-const SLOW_MS = 60, FAST_MS = 15, COARSEST = 0.5;
+// one waits until the one before is finished, and takes no more than its share of the time. How long one takes is measured now and
+// then: where it is long, as without a graphics card, pictures get coarser, where it is short, finer than the screen, which
+// smooths their edges.
+const SHARE = 1 / 3, SLOW_MS = 40, FAST_MS = 5, COARSEST = Math.SQRT1_2, FINEST = 2, STEP = Math.SQRT2, MEASURED_EVERY = 20;
 
 export class DrawingLoad {
   constructor(gl) {
-    Object.assign(this, { gl, scale: 1, fence: null, begun: 0, next: 0 });
+    Object.assign(this, { gl, scale: 1, fence: null, drawings: 0, took_ms: 0, next: 0 });
   }
 
   allows(now) {
@@ -116,18 +117,24 @@ export class DrawingLoad {
       if (this.gl.getSyncParameter(this.fence, this.gl.SYNC_STATUS) === this.gl.UNSIGNALED) return false;
       this.gl.deleteSync(this.fence);
       this.fence = null;
-      const took_ms = now - this.begun;
-      if (took_ms > SLOW_MS) this.scale = Math.max(0.7 * this.scale, COARSEST);
-      else if (took_ms < FAST_MS) this.scale = Math.min(this.scale / 0.7, 1);
-      this.next = now + took_ms - 20; // at 60 drawings a second none is skipped
     }
     return now >= this.next;
   }
 
-  drawn(now) {
-    this.begun = now;
+  drawn(begun) {
+    this.drawings += 1;
+    if (this.drawings % MEASURED_EVERY === 2) this.measure(begun); // the first one prepares the next ones too
+    this.next = begun + this.took_ms / SHARE;
     this.fence = this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     this.gl.flush();
+  }
+
+  measure(begun) {
+    const { gl } = this;
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits until it is drawn
+    this.took_ms = performance.now() - begun;
+    if (this.took_ms > SLOW_MS) this.scale = Math.max(this.scale / STEP, COARSEST);
+    else if (this.took_ms < FAST_MS) this.scale = Math.min(this.scale * STEP, FINEST);
   }
 }
 
@@ -142,7 +149,7 @@ export function distanceOf(places_m, aspect) {
 export class View {
   constructor(canvas) {
     this.canvas = canvas;
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
+    this.renderer = new WebGLRenderer({ canvas, alpha: true });
     this.scene = new Scene();
     this.camera = new PerspectiveCamera(FIELD_DEG, 4 / 3, 0.1, 60);
     this.camera.position.set(0, 1.25, 3.6);
@@ -201,7 +208,7 @@ export class View {
     if (!clientWidth || !this.load.allows(now) || (time_s === this.shown && !this.changed && clientWidth === this.width && clientHeight === this.height)) return;
     if (clientWidth !== this.width || clientHeight !== this.height || this.load.scale !== this.scale) {
       [this.width, this.height, this.scale] = [clientWidth, clientHeight, this.load.scale];
-      this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.scale);
+      this.renderer.setPixelRatio(Math.min(devicePixelRatio * this.scale, FINEST));
       this.renderer.setSize(clientWidth, clientHeight, false);
       const aspect = clientWidth / clientHeight;
       if (this.places_m && this.fitted !== aspect) this.back(distanceOf(this.places_m, aspect)); // else it stays as it was zoomed

@@ -1,8 +1,8 @@
 // Movements of the server on the bones of a body.
 import assert from "node:assert/strict";
-import { test } from "node:test";
+import { mock, test } from "node:test";
 
-import { Dancer, distanceOf, movementOf } from "../../../../kpopnet/teacher/page/body.js";
+import { Dancer, DrawingLoad, distanceOf, movementOf } from "../../../../kpopnet/teacher/page/body.js";
 import { PerspectiveCamera, Vector3 } from "../../../../kpopnet/teacher/page/vendor/three.js";
 
 const packed = (array) => btoa(String.fromCharCode(...new Uint8Array(array.buffer)));
@@ -52,4 +52,38 @@ test("a group is seen from its left to its right, in a wide picture and on a pho
       assert.ok(distanceOf(places, aspect) >= 3.8 && (half_m < 4 || distanceOf(places, aspect) > least_m));
     }
   }
+});
+
+// Draws on a screen of 60 images a second by a machine that takes this long for a drawing, and answers when asked whether it is
+// done; the share of the screen's images that were drawn, and how fine in the end.
+function drawnBy(took_ms) {
+  let now_ms = 0, done_ms = 0;
+  mock.method(performance, "now", () => now_ms);
+  const gl = {
+    UNSIGNALED: 0, fenceSync: () => ({}), deleteSync() {}, flush() {},
+    getSyncParameter: () => (now_ms >= done_ms ? 1 : 0),
+    readPixels() { now_ms = Math.max(now_ms, done_ms); },
+  };
+  const load = new DrawingLoad(gl);
+  let drawings = 0;
+  for (let image = 0; image < 600; image++) {
+    now_ms = Math.max(now_ms, image * 1000 / 60);
+    if (!load.allows(now_ms)) continue;
+    const begun = now_ms;
+    done_ms = now_ms + took_ms(load.scale);
+    load.drawn(begun);
+    drawings++;
+  }
+  mock.restoreAll();
+  return [drawings / 600, load.scale];
+}
+
+test("a fast machine draws finely and every time, a slow one coarsely and a third of the time at most", () => {
+  assert.deepEqual(drawnBy(() => 2), [1, 2]);
+  const [share, scale] = drawnBy(() => 12);
+  assert.ok(Math.abs(share - 1 / 3) < 0.1 && scale === 1);
+  const [least, coarse] = drawnBy((fine) => 40 * fine ** 2 + 20);
+  assert.ok(coarse < 0.71 && coarse > 0.7 && least > 0.1 && least < 0.34, `${least} ${coarse}`);
+  const [waiting] = drawnBy(() => 200);
+  assert.ok(waiting < 0.04);
 });
