@@ -65,16 +65,13 @@ FIND = """
 const [picture, first, step_ms, done] = arguments;
 import("/page/webcam.js").then(async ({ loadPose, pointsOf }) => {
   const pose = await loadPose(), image = new Image();
-  if (first) pose.reset();
+  if (first) await pose.anew();
   window.clock_ms = (window.clock_ms || 0) + step_ms;
   image.src = "data:image/jpeg;base64," + picture;
   await image.decode();
   const canvas = Object.assign(document.createElement("canvas"), { width: 640, height: 480 });
   canvas.getContext("2d").drawImage(image, 0, 0, 640, 480);
-  let found = {};
-  pose.onResults((one) => { found = one; });
-  await pose.send({ image: canvas }, window.clock_ms);
-  done(pointsOf(found));
+  done(pointsOf(await pose.find(canvas, window.clock_ms)));
 }).catch((error) => done(String(error)));
 """
 """Finds the points of one picture as the page does of a webcam's."""

@@ -6,7 +6,7 @@ export const WEBCAM = "webcam";
 const WITHOUT_DEPTH = "A webcam sees no depth: its scores are less sure. A depth camera adds places in metres, limbs in front of "
   + "or behind the body, and works in any light. The picture stays in this browser.";
 
-const VENDOR = "/page/vendor/mediapipe/", WIDTH = 640, HEIGHT = 480, KEPT = 8;
+const WIDTH = 640, HEIGHT = 480, KEPT = 8;
 const REFUSALS = {
   NotAllowedError: "the browser may not use the webcam; allow it beside the address of this page, then press Start",
   NotFoundError: "no webcam was found; plug one in, or choose another source",
@@ -53,7 +53,7 @@ export function cutOut(frames, from_s, to_s) {
 export class Webcam {
   // seen(points, age_ms) is told of each picture, age_ms after it was taken; failed(text) why there are none.
   constructor(seen, failed) {
-    Object.assign(this, { seen, failed, closed: false, found: {} });
+    Object.assign(this, { seen, failed, closed: false });
     // The last pictures, when each was taken in milliseconds of `performance.now`, the one that is looked at at the end.
     this.pictures = Array.from({ length: KEPT }, () => ({ taken: -Infinity, canvas: Object.assign(document.createElement("canvas"), { width: WIDTH, height: HEIGHT }) }));
     this.video = Object.assign(document.createElement("video"), { muted: true, playsInline: true });
@@ -69,14 +69,11 @@ export class Webcam {
     for (const track of this.stream.getTracks()) track.addEventListener("ended", () => this.closed || this.failed(say(REFUSALS.NotFoundError)));
     this.video.srcObject = this.stream;
     const [pose] = await Promise.all([loadPose(), this.video.play()]);
-    pose.reset();
-    pose.onResults((found) => { this.found = found; });
+    await pose.anew();
     while (!this.closed) {
       const taken = await nextPicture(this.video);
-      const bars = this.draw(taken);
-      await new Promise((go) => { setTimeout(go); }); // the page is drawn before the picture keeps it busy
-      await pose.send({ image: this.picture });
-      if (!this.closed) this.seen(pointsOf(this.found, bars), Math.max(performance.now() - taken, 0));
+      const bars = this.draw(taken), found = await pose.find(this.picture);
+      if (!this.closed) this.seen(pointsOf(found, bars), Math.max(performance.now() - taken, 0));
     }
     return undefined;
   }
@@ -113,28 +110,56 @@ function nextPicture(video) {
   });
 }
 
+// MediaPipe's pose in its thread.
+class Pose {
+  constructor() {
+    this.waiting = [];
+    this.worker = new Worker(new URL("pose_worker.js", import.meta.url));
+    this.worker.addEventListener("message", ({ data }) => {
+      const [take, fail] = this.waiting.shift();
+      if (data.error) fail(new Error(data.error));
+      else take(data.found);
+    });
+    // It did not load, or ended.
+    this.worker.addEventListener("error", ({ message }) => {
+      const error = new Error(message || say("the teacher's program does not answer; is it still running?"));
+      for (const [, fail] of this.waiting.splice(0)) fail(error);
+    });
+  }
+
+  ask(message, handed = []) {
+    return new Promise((take, fail) => {
+      this.waiting.push([take, fail]);
+      this.worker.postMessage(message, handed);
+    });
+  }
+
+  // Forgets who was seen.
+  anew() {
+    return this.ask({ anew: true });
+  }
+
+  // What is found in a canvas, for `pointsOf`; at_ms is the picture's time on any clock that goes forward.
+  async find(canvas, at_ms = performance.now()) {
+    const picture = await createImageBitmap(canvas);
+    return this.ask({ picture, at_ms }, [picture]);
+  }
+}
+
 let loaded = null;
 
 // MediaPipe's pose with its small network; one for the page, as it frees no memory.
 export function loadPose() {
-  loaded ||= new Promise((take, fail) => {
-    const script = Object.assign(document.createElement("script"), { src: `${VENDOR}pose.js` });
-    script.addEventListener("error", () => fail(new Error(say("the teacher's program does not answer; is it still running?"))));
-    script.addEventListener("load", async () => {
-      try {
-        const pose = new globalThis.Pose({ locateFile: (name) => VENDOR + name });
-        // Its smoothing over time would delay the points; the scorer has its own.
-        pose.setOptions({ modelComplexity: 0, smoothLandmarks: false, useCpuInference: true });
-        await pose.initialize();
-        take(pose);
-      } catch (error) {
-        fail(error);
-      }
-    });
-    document.head.append(script);
-  }).catch((error) => {
-    loaded = null; // the next lesson tries again
-    throw error;
-  });
+  loaded ||= (async () => {
+    const pose = new Pose();
+    try {
+      await pose.anew();
+    } catch (error) {
+      pose.worker.terminate();
+      loaded = null; // the next lesson tries again
+      throw error;
+    }
+    return pose;
+  })();
   return loaded;
 }

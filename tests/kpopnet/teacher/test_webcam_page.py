@@ -1,5 +1,6 @@
 """A webcam as a learner's eye in a real browser: a film of a SIMULATED learner is its camera, and joints reach the scorer."""
 
+import logging
 import time
 
 import numpy as np
@@ -84,7 +85,8 @@ def record_dance(browser, address) -> None:
     until(browser, lambda one: "#/dance/own_001" in one.current_url)
 
 
-def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(library, offering, tmp_path, monkeypatch):
+def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(library, offering, tmp_path, monkeypatch, caplog):
+    caplog.set_level(logging.INFO, "aiohttp.access")
     dance, heard = library.dance("dance_001"), []
     true_m = write_film(
         tmp_path / "film.mjpeg",
@@ -117,7 +119,10 @@ def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(librar
     assert recorded.about.own and recorded.about.name == "Mine" and recorded.about.bpm == 90 and recorded.about.seconds >= 5
     head_m, foot_m = recorded.joints_m[:, Joint.HEAD], recorded.joints_m[:, Joint.RIGHT_FOOT]
     assert np.nanmedian(foot_m[:, 1] - head_m[:, 1]) > 1  # y is down: a person stands there
-    assert any(name.endswith(".wasm") for name in loaded) and all(name.startswith(offering) for name in loaded)
+    assert loaded and all(
+        name.startswith(offering) for name in loaded
+    )  # the thread's are not in it: the safety policy holds it
+    assert all(any(f"{end} HTTP" in line for line in caplog.messages) for end in (".wasm", ".tflite", ".binarypb", ".data"))
     errors_m = []
     for stamp, seen in zip(stamps, heard, strict=False):
         for person in WebcamEstimator().update(seen.person, CAMERA):

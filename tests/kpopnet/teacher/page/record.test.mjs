@@ -3,29 +3,22 @@ import assert from "node:assert/strict";
 import { beforeEach, mock, test } from "node:test";
 import "./dom.mjs";
 
-let now_ms, video, onPose, track, listeners, view;
+let now_ms, video, track, listeners, view;
 const anything = new Proxy(() => {}, { get: (_, name) => (name === Symbol.toPrimitive ? () => 0 : anything), apply: () => anything });
 const { createElement } = document;
 Object.assign(globalThis, {
   devicePixelRatio: 1, location: { hash: "" }, requestAnimationFrame() {}, getComputedStyle: () => ({}),
   AudioContext: function AudioContext() { return anything; },
   OfflineAudioContext: class { decodeAudioData = () => new Promise(() => {}); }, // a song that is read for as long as the test lasts
-  Pose: class {
-    setOptions() {}
-
-    async initialize() {}
-
-    reset() {}
-
-    onResults(found) { onPose = found; }
-
-    async send() {
-      onPose({ poseLandmarks: Array(33).fill({ x: 0.5, y: 0.5, visibility: 1 }), poseWorldLandmarks: Array(33).fill({ x: 0, y: 0, z: 0 }) });
+  createImageBitmap: async () => ({}),
+  Worker: class extends EventTarget {
+    postMessage() {
+      const found = { poseLandmarks: Array(33).fill({ x: 0.5, y: 0.5, visibility: 1 }), poseWorldLandmarks: Array(33).fill({ x: 0, y: 0, z: 0 }) };
+      queueMicrotask(() => this.dispatchEvent(Object.assign(new Event("message"), { data: { found } })));
     }
   },
 });
 Object.assign(document, {
-  head: { append: (script) => script.listeners.load() },
   addEventListener: (kind, listener) => { listeners[kind] = listener; },
   removeEventListener() {},
   createElement: (tag) => Object.assign(createElement(tag), tag === "video" && {

@@ -33,21 +33,40 @@ test("a joint is the mean of its points", () => {
   assert.deepEqual(joints.map(([x]) => x), [7.5, 11.5, 12, 11, 14, 13, 18, 17, 17.5, 24, 23, 26, 25, 30, 29]);
 });
 
-test("a network that did not load, or does not begin, is loaded again by the next lesson", async () => {
-  let answers = ["error", "load", "load", "load"], asked = 0;
-  document.head = { append: (script) => { asked++; script.listeners[answers.shift()](); } };
-  globalThis.Pose = class {
-    setOptions() {
-      if (asked === 2) throw new Error("no memory");
+// Workers of which each answers every message as `answers` says: not at all because it did not load, or by a message.
+function workers(answers) {
+  const made = [];
+  globalThis.Worker = class extends EventTarget {
+    constructor() {
+      super();
+      this.answer = answers[made.length];
+      made.push(this);
     }
 
-    async initialize() {
-      if (asked === 3) throw new Error("no graphics");
+    postMessage(message) {
+      const event = this.answer ? Object.assign(new Event("message"), { data: this.answer(message) }) : new Event("error");
+      queueMicrotask(() => this.dispatchEvent(event));
+    }
+
+    terminate() {
+      this.ended = true;
     }
   };
+  return made;
+}
+
+test("a network that did not load, or does not begin, is loaded again by the next lesson", async () => {
+  const made = workers([null, () => ({ error: "no graphics" }), () => ({ found: {} })]);
   await assert.rejects(loadPose, /does not answer/);
-  await assert.rejects(loadPose, /no memory/);
   await assert.rejects(loadPose, /no graphics/);
   assert.equal(await loadPose(), await loadPose());
-  assert.equal(asked, 4);
+  assert.deepEqual(made.map(({ ended }) => ended), [true, true, undefined]);
+});
+
+test("a picture is handed to the thread, and what it says of it comes back, also that it failed", async () => {
+  globalThis.createImageBitmap = async (canvas) => ({ of: canvas });
+  const pose = await loadPose(), said = [{ found: at(0.5, 0.5) }, { error: "out of memory" }];
+  pose.worker.answer = ({ picture, at_ms }) => Object.assign(said.shift(), { picture, at_ms });
+  assert.deepEqual(await pose.find("canvas", 40), at(0.5, 0.5));
+  await assert.rejects(pose.find("canvas", 80), /out of memory/);
 });
