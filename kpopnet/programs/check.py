@@ -50,6 +50,7 @@ from kpopnet.teacher.live.loop import (
     Learner,
     load_estimator,
 )
+from kpopnet.tracker.refine import compile_refining
 
 SIMULATED_SET, MEASURED = "check_sim", "measured"
 READY_S = 8.0
@@ -287,7 +288,7 @@ def main() -> None:
     if (given.as_fast and live) or (given.empty and not live):
         raise InputError("--as-fast is for recordings, --empty for live cameras")
     estimator, machine_before = load_estimator(None), machine()
-    announce_compilation()
+    announce_compilation(compile_refining)
     with locked(given.out) if given.out else nullcontext():
         with shared_live(given.source) as given.source:
             runs, is_simulated = checked(given, estimator)

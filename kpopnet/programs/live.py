@@ -27,6 +27,7 @@ from kpopnet.runtime.endings import user_errors
 from kpopnet.sources import DepthSource
 from kpopnet.sources.live import LIVE_CAMERAS, PlayedRecording, check_live, is_live, open_live, shared_live
 from kpopnet.sources.source import LiveCamera
+from kpopnet.tracker.refine import compile_refining
 
 PORT = 8473
 FOLDER = Path("outputs/live")
@@ -81,7 +82,7 @@ def watching(given: argparse.Namespace) -> Watching:
 
 def watch_alone(asked: Watching) -> None:
     """Streams without a page until the source ends or the program is interrupted."""
-    announce_compilation()
+    announce_compilation(compile_refining)
 
     def tell(kind: str, content: dict, _picture: bytes | None = None) -> None:
         if text := content.get("text"):

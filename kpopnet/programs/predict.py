@@ -38,6 +38,7 @@ from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.sources import DepthSource
 from kpopnet.sources.source import TimedDepth
+from kpopnet.tracker.refine import compile_refining
 from kpopnet.viz import overlay
 from kpopnet.viz.drawing import save_png
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
@@ -149,7 +150,7 @@ def main() -> None:
     given = parsed()
     source = opener(given.path, given, in_child=True)()
     estimator = PoseEstimator.load(given.checkpoint, given.mode, given.people)
-    announce_compilation()
+    announce_compilation(compile_refining)
     with locked(given.out):
         for name in ("joints", "overlay", "view"):  # of a run that was killed
             remove_unfinished(given.out, f".{name}*.tmp")

@@ -1,8 +1,11 @@
 """Says that numba compiles its kernels for this machine, which it does once, when they are first used."""
 
+import atexit
 import multiprocessing
+import subprocess
 import sys
 import time
+from collections.abc import Callable
 
 from numba.core import event
 
@@ -12,9 +15,10 @@ _listener: "CompilationNotice | None" = None
 class CompilationNotice(event.Listener):
     """Counts kernels on the standard error stream while numba compiles them; silent where they come from its cache."""
 
-    def __init__(self) -> None:
+    def __init__(self, beside: Callable[[], None] | None) -> None:
         self.depth = self.kernels = 0
         self.began = self.spoke = 0.0
+        self.beside = beside
 
     def on_start(self, event: event.Event) -> None:
         self.depth += 1
@@ -24,6 +28,8 @@ class CompilationNotice(event.Listener):
         self.began = self.began or now
         if not self.kernels:
             print("compiling kernels for this machine, once; up to a minute:", file=sys.stderr, flush=True)
+            if self.beside is not None:
+                _run_beside(self.beside)
         if now - self.spoke > 1.0 or not self.kernels:
             self.spoke = now
             kernel = (event.data or {})["dispatcher"].py_func.__qualname__
@@ -34,9 +40,26 @@ class CompilationNotice(event.Listener):
         self.depth -= 1
 
 
-def announce_compilation() -> None:
-    """Has this process say so when numba compiles; worker processes stay silent, one voice is enough."""
+def announce_compilation(beside: Callable[[], None] | None = None) -> None:
+    """Has this process say so when numba compiles; worker processes stay silent, one voice is enough.
+
+    `beside` is a function of a module that compiles kernels which this process uses last: another process calls it meanwhile,
+    and what that has done by then comes from numba's cache.
+    """
     global _listener
     if _listener is None and multiprocessing.parent_process() is None:
-        _listener = CompilationNotice()
+        _listener = CompilationNotice(beside)
         event.register("numba:compile", _listener)
+
+
+def _run_beside(compile_kernels: Callable[[], None]) -> None:
+    """Calls a function in a process of its own, which ends with this one at the latest."""
+    name, quiet = compile_kernels.__name__, subprocess.DEVNULL
+    statement = f"from {compile_kernels.__module__} import {name}; {name}()"
+    process = subprocess.Popen([sys.executable, "-c", statement], stdin=quiet, stdout=quiet, stderr=quiet)
+
+    def end() -> None:
+        process.kill()
+        process.wait()
+
+    atexit.register(end)

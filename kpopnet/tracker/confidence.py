@@ -61,7 +61,8 @@ def fit_score(joints_m: np.ndarray, grid: DepthGrid, body: Body) -> np.ndarray:
 def _residuals(joints, points, body):
     """(15, 2) sum of absolute residuals and number of points; each point counts for the nearer end of its part."""
     sums = np.zeros((len(joints), 2))
-    part, distances, along = nearest_parts(body_segments(joints, body), points, 1)
+    # A plain 1 would be a type of its own, and the kernel compiled twice.
+    part, distances, along = nearest_parts(body_segments(joints, body), points, np.int64(1))
     for i in range(len(points)):
         joint = ROW_TO_JOINT[PARTS[part[i], 0] if along[i] < 0.5 else PARTS[part[i], 1]]
         sums[joint, 0] += min(abs(distances[i]), MAX_RESIDUAL_M)

@@ -1,5 +1,7 @@
 """Joints detected by another estimator, refined by fitting the body; its lengths and its thickness."""
 
+from unittest.mock import Mock
+
 import numpy as np
 import pytest
 from cone_people import cone_body, cone_joints, error_m, filmed, moved, seen
@@ -8,12 +10,13 @@ from kpopnet.camera import CAMERAS
 from kpopnet.estimator import Estimate
 from kpopnet.geometry.body import PART_KIND
 from kpopnet.geometry.depth_grid import build_depth_grid
+from kpopnet.tracker import refine
 from kpopnet.tracker.body_estimate import (
     MAX_CORRECTION_M,
     BodyEstimate,
     fit_thickness,
 )
-from kpopnet.tracker.refine import FittedEstimator
+from kpopnet.tracker.refine import FittedEstimator, compile_refining
 
 CAMERA = CAMERAS["kinect_v1"]
 
@@ -83,3 +86,11 @@ def test_wrong_radii_are_corrected_within_limits(wrong: float) -> None:
     changed_m = found.radii_m - given.radii_m
     assert np.abs(changed_m).max() < MAX_CORRECTION_M + 1e-9 and (found.radii_m > given.radii_m / 2 - 1e-9).all()
     assert all(len(np.unique(changed_m[kind == PART_KIND].round(9))) == 1 for kind in PART_KIND), "both sides, both ends"
+
+
+def test_what_is_compiled_beforehand_is_all_of_the_refinement(monkeypatch) -> None:
+    parts = {name: Mock(wraps=getattr(refine, name)) for name in ("build_depth_grid", "fit", "fit_score", "refined_evidence")}
+    for name, part in parts.items():
+        monkeypatch.setattr(refine, name, part)
+    compile_refining()
+    assert all(part.call_count == 1 for part in parts.values())
