@@ -4,12 +4,13 @@ import errno
 import functools
 import logging
 import os
+import select
 import signal
 import sys
 import threading
 from collections.abc import Callable
 from types import FrameType
-from typing import ParamSpec, TypeGuard, TypeVar
+from typing import ParamSpec, TextIO, TypeGuard, TypeVar
 
 from kpopnet.errors import InputError
 
@@ -52,17 +53,31 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
         logging.raiseExceptions = False  # where no log can be written, no result can: that error is printed
         threading.excepthook = _thread_ended
         try:
-            return function(*args, **kwargs)
+            result = function(*args, **kwargs)
+            sys.stdout.flush()
+            return result
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
             raise SystemExit(130) from None
         except Exception as error:
+            if isinstance(error, BrokenPipeError) and _is_unread(sys.stdout):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to print goes nowhere
+                raise SystemExit(141) from None  # as a shell says of a program that `| head` ended
             if (message := _message(error)) is None:
                 raise
             print(f"error: {message}", file=sys.stderr)
             raise SystemExit(1) from None
 
     return careful
+
+
+def _is_unread(stream: TextIO) -> bool:
+    """Whether this program's output goes into a pipe that no program reads any more; not known on Windows."""
+    if not hasattr(select, "poll"):
+        return False
+    pipe = select.poll()
+    pipe.register(stream.fileno(), 0)
+    return any(event & select.POLLERR for _, event in pipe.poll(0))
 
 
 AGAIN = "and run the same command again"
