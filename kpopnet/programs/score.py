@@ -126,7 +126,7 @@ def main() -> None:
                 "joints that know where the hips are)"
             )
         total = {"total": score.total(wanted, beats_s), "weights": wanted}
-        shares = [f"{name} {share:g}" for name, share in wanted.items()]
+        shares = [Said("{what} {figure}", what=Said(name), figure=f"{share:g}") for name, share in wanted.items()]
         told = [Said("total {total} of 100: {weights}", total=f"{total['total']:.0f}", weights=shares)]
     title = Said("{learner} after {teacher}", learner=given.learner.name, teacher=given.teacher.name)
     result = score_result(score, advice, wanted, beat_s)

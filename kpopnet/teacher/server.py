@@ -88,7 +88,7 @@ async def dances(request: web.Request) -> web.Response:
         try:
             shown.append(_shown(identity, library.about(identity)))
         except InputError as error:
-            shown.append({"identity": identity, "name": identity, "broken": str(error)})
+            shown.append({"identity": identity, "name": identity, "broken": keyed(error.said)})
     return web.json_response(shown)
 
 

@@ -61,7 +61,7 @@ const listed = (figures) => Object.entries(figures).map(([name, value]) => `${sa
 function furtherOf({ weights = {}, stage = {}, on_stage = [], free = {} }) {
   const quiet = (id, text) => el("p", { class: "quiet", id }, text);
   return [
-    Object.keys(weights).length ? quiet("contains", say("The total, by weight: {weights}.", { weights: Object.entries(weights).map(([name, share]) => `${say(name)} ${share}`).join(", ") })) : "",
+    Object.keys(weights).length ? quiet("contains", say("The total, by weight: {weights}.", { weights: Object.entries(weights).map(([name, share]) => say("{what} {figure}", { what: say(name), figure: share })).join(", ") })) : "",
     Object.keys(stage).length ? quiet("on-stage", say("On the stage, beside timing and posture: {figures}.", { figures: [listed(stage), ...on_stage.map((one) => say(one))].join("; ") })) : "",
     Object.keys(free).length ? quiet("in-free-parts", say("In the free parts: {figures}.", { figures: listed(free) })) : "",
   ];

@@ -215,6 +215,7 @@ def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path)
     assert score["similarity"] > 97 and score["free"]["energy"] < 99 and "free parts: energy" in told
     expected = (score["posture"] + score["stage"]["place"]) / 2
     assert content["total"] == pytest.approx(expected) and f"total {expected:.0f} of 100: posture 1, place 1" in told
+    assert "von 100: Haltung 1, Position 0,5" in run(*words, "--weights", "posture=1", "place=0.5", "--lang", "de")
     mistakes = {
         ("--weights", "hands=1"): "hands",
         ("--weights", "place=inf"): "place",
