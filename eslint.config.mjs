@@ -1,9 +1,10 @@
 // Of the dance teacher's page: `npx eslint` (npm install eslint); `make lint` runs it where it is installed.
 const BROWSER = [
-  "AbortController", "addEventListener", "atob", "AudioContext", "clearInterval", "clearTimeout", "devicePixelRatio",
-  "document", "fetch", "getComputedStyle", "history", "HTMLCanvasElement", "IntersectionObserver", "localStorage", "location",
-  "matchMedia", "navigator", "OfflineAudioContext", "performance", "ReadableStream", "requestAnimationFrame", "Response",
-  "setInterval", "setTimeout", "TextDecoder", "TextEncoder", "URL", "URLSearchParams", "WebSocket",
+  "AbortController", "addEventListener", "alert", "atob", "AudioContext", "clearInterval", "clearTimeout",
+  "createImageBitmap", "devicePixelRatio", "document", "Event", "EventTarget", "fetch", "getComputedStyle", "history",
+  "HTMLCanvasElement", "importScripts", "IntersectionObserver", "localStorage", "location", "matchMedia", "navigator",
+  "OfflineAudioContext", "OffscreenCanvas", "performance", "queueMicrotask", "ReadableStream", "requestAnimationFrame",
+  "Response", "setInterval", "setTimeout", "TextDecoder", "TextEncoder", "URL", "URLSearchParams", "WebSocket", "Worker",
 ];
 
 export default [

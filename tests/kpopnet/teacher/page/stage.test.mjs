@@ -20,7 +20,8 @@ const REPLIES = {
   "/api/dances/own_001": { ...dance, others: [dance, dance] }, "/api/dances": [dance],
   "/api/offer": { sources: { realsense: "a RealSense camera", webcam: "the webcam of this browser" }, skills: ["good"], faults: [""] },
 };
-let listeners, sent, heard, draw, closed;
+const heard = {};
+let listeners, sent, draw, closed;
 Object.assign(globalThis, {
   devicePixelRatio: 1, location: { hash: "", protocol: "http:", host: "127.0.0.1:1" }, requestAnimationFrame: (call) => { draw = call; },
   getComputedStyle: () => ({ getPropertyValue: () => "" }),
@@ -43,7 +44,6 @@ Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
 const PAGE = "../../../../kpopnet/teacher/page/";
 const { stage } = await import(`${PAGE}stage.js`), { calibrate } = await import(`${PAGE}calibrate.js`), { remember } = await import(`${PAGE}tools.js`);
 const { handsSwitch, letChoose, watch } = await import(`${PAGE}hands.js`);
-heard = {};
 const told = (message) => heard.message({ data: JSON.stringify(message) });
 const DONE = { kind: "done", total: 95, session: "20261126-101010-000", hints: [] };
 
