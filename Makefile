@@ -9,6 +9,7 @@
 # make lint    install, then check style, format and types
 # make results ROW=eval_sim_31   install, then measure a row of results/ again: results/eval_sim_31.json
 # make wheel   install, then build dist/*.whl
+# make release VERSION=0.2.0   write a new version everywhere, build and try its wheel, and say what is left to do
 # make clean   remove the environment and caches; what was generated and trained stays
 
 PYTHON ?= python3
@@ -16,7 +17,7 @@ BIN := .venv/bin
 READY := .venv/installed
 DEMO := outputs/demo
 
-.PHONY: demo teach test speed fuzz kill soak dependencies lint results wheel clean
+.PHONY: demo teach test speed fuzz kill soak dependencies lint results wheel release clean
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -69,6 +70,9 @@ results: $(READY)
 
 wheel: $(READY)
 	$(BIN)/python -m pip wheel --disable-pip-version-check --no-deps --wheel-dir dist .
+
+release: $(READY)
+	PYTHONPATH=. $(BIN)/python tools/release.py $(VERSION)
 
 clean:
 	rm -rf .venv .pytest_cache .hypothesis .ruff_cache *.egg-info build dist
