@@ -135,9 +135,9 @@ export async function stage(main, identity, wanted) {
   function startAnew() {
     state.practice = parts.practise.value ? new Practice(Number(parts.practise.value)) : null;
     state.place = new InPlace();
-    shown.stage.scrollIntoView({ block: "nearest" });
     shown.practice.textContent = state.practice
       ? say("slowed to {percent} %, faster when you reach {goal}", { percent: state.practice.speed, goal: state.practice.goal }) : "";
+    shown.stage.scrollIntoView({ block: "nearest" });
     start();
   }
 
