@@ -4,7 +4,7 @@ Hypothesis tries the same examples in every run, so that a change is judged by w
 `pytest --hypothesis-profile=default` looks for new ones.
 """
 
-from math import ceil
+from math import isqrt
 from pathlib import Path
 
 import pytest
@@ -17,14 +17,18 @@ settings.load_profile("repeatable")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Deals the files out, the programs' own tests first, so that two processes seldom need the same kernels at a time.
+    """Deals the files out so that two processes seldom need the same kernels at a time.
 
-    Neighbours in a folder do; whichever came second would compile them once more instead of reading them from the cache. Those
-    of the programs take longest, and no process shall be left alone with them in the end; of these train.py comes first, whose
-    kernels two processes of a training would otherwise compile at a time in `test_distributed_entry.py`.
+    Neighbours in a folder do; whichever came second would compile them once more instead of reading them from the cache. What
+    takes longest comes first, so that no process is left alone with it in the end: the programs' own tests, train.py first,
+    whose kernels two processes of a training would compile at a time in `test_distributed_entry.py`, then pages and servers.
     """
-    here, first = Path(__file__).parent, "test_train_entry.py"
-    files = sorted({item.path for item in items}, key=lambda path: (path.parent != here, path.name != first, path))
-    half = ceil(len(files) / 2)
-    place = {path: (number % half, number // half) for number, path in enumerate(files)}
+
+    def group(path: Path) -> int:
+        names = ("test_train_entry.py",), [path.name] * (path.parent == Path(__file__).parent), ("page.py", "server.py")
+        return next((number for number, ends in enumerate(names) if path.name.endswith(tuple(ends))), len(names))
+
+    files = sorted({item.path for item in items})
+    stride = isqrt(len(files))
+    place = {path: (group(path), number % stride, number) for number, path in enumerate(files)}
     items.sort(key=lambda item: place[item.path])
