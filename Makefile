@@ -39,8 +39,9 @@ demo: $(READY)
 teach: $(READY)
 	$(BIN)/kpopnet teach
 
+# One thread for each process of pytest; the programs that tests start share their bytecode, also where an image keeps none.
 test: $(READY)
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 speed: $(READY)
 	$(BIN)/python -m tests.speed

@@ -40,7 +40,7 @@ def write_film(folder, number):
 def test_a_short_training_finds_depth_in_films_that_were_held_out_and_repeats(tmp_path):
     for number in range(8):
         write_film(tmp_path / "films", number)
-    given = ("fit", "films", "--steps", 300, "--held-out", 4, "--figures", "figures.json", "--out")
+    given = ("fit", "films", "--steps", 60, "--held-out", 4, "--figures", "figures.json", "--out")
     first = run_program("tools/fit_lifting.py", tmp_path, *given, "net.safetensors")
     assert first.returncode == 0, first.stderr
     guessed_cm, lifted_cm = (float(re.search(rf"{name}: ([\d.]+) cm", first.stdout)[1]) for name in ("points", "lifted"))

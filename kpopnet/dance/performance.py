@@ -194,10 +194,11 @@ def _resampled(joints, confidence, times, at):
         for i in range(first, stop):
             weight = math.exp(-0.5 * ((times[i] - at[g]) / SMOOTHING_S) ** 2)
             weights += weight
-            confidence_at[g] += weight * confidence[i]
-        if weights > 0:
-            confidence_at[g] /= weights
+            for j in range(num_joints):
+                confidence_at[g, j] += weight * confidence[i, j]
         for j in range(num_joints):
+            if weights > 0:
+                confidence_at[g, j] /= weights
             before, after = np.inf, np.inf
             for i in range(first, stop):
                 if not math.isnan(joints[i, j, 0]):

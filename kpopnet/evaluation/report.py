@@ -11,10 +11,9 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.evaluation.config import EvaluateConfig
@@ -23,6 +22,9 @@ from kpopnet.evaluation.values import Table
 from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure  # slow to import, and only some reports have plots
 
 
 class Heading(str):
@@ -193,7 +195,7 @@ def _element(block: Block, folder: Path | None) -> str:
     return f'<p>{caption}</p>\n<iframe sandbox="allow-scripts" loading="lazy" title="{caption}" srcdoc="{page}"></iframe>'
 
 
-def save_plots(folder: Path, plots: dict[str, Figure]) -> None:
+def save_plots(folder: Path, plots: dict[str, "Figure"]) -> None:
     """Writes every plot as NAME.png, for the page, and NAME.svg, for papers."""
     for name, plot in plots.items():
         for kind, settings in (("png", {"dpi": 110}), ("svg", {})):

@@ -247,18 +247,22 @@ def _candidates(limb, context):
 
     The first is the limb as it is; two for each free tip within reach follow; then the sampled poses, mirrored for left limbs.
     """
-    tips, root, old = context.tips, context.rows[LIMBS[limb, 0]], context.rows[LIMBS[limb, 1:]]
+    # Rows one by one: numba compiles an index of several for a second.
+    tips, root = context.tips, context.rows[LIMBS[limb, 0]]
+    middle, end = context.rows[LIMBS[limb, 1]], context.rows[LIMBS[limb, 2]]
     upper_m, lower_m = context.body.limbs_m[limb]
     first, last = LIMB_POSE_RANGES[limb]
     ends, tip_of = np.empty((1 + 2 * len(tips.used) + last - first, 2, 3)), np.full(1 + 2 * len(tips.used) + last - first, -1)
-    ends[0], count = old, 1
+    for c in range(3):
+        ends[0, 0, c], ends[0, 1, c] = middle[c], end[c]
+    count = 1
     for tip in range(len(tips.used)):
         tip_end, tip_middle = tips.ends_m[limb, tip], tips.middles_m[limb, tip]
         if tips.used[tip] or distance(tip_end, root) > upper_m + lower_m + REACH_SLACK_M:
             continue
         for bend in (0.0, 0.5):  # the path along the surface cuts the corner at the elbow: half the way back to the old one
             for c in range(3):
-                ends[count, 0, c] = tip_middle[c] + bend * (old[0, c] - tip_middle[c])
+                ends[count, 0, c] = tip_middle[c] + bend * (middle[c] - tip_middle[c])
                 ends[count, 1, c] = tip_end[c]
             _enforce_lengths(root, ends[count, 0], ends[count, 1], upper_m, lower_m)
             tip_of[count] = tip

@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
 
 from kpopnet.rotations import continuous, multiply, normalised, towards, turns
 from synth.motion.skeleton import INDEX, NUM_JOINTS, PARENTS, Motion
@@ -76,9 +75,11 @@ def replaced_moves(motion: Motion, severity: float, rng: np.random.Generator) ->
 def joint_noise(motion: Motion, severity: float, rng: np.random.Generator) -> Motion:
     """Joints wander about where they should be; an Ornstein-Uhlenbeck process, half of it common to a joint and its parent."""
     keep = np.exp(-1 / (NOISE_CORRELATION_S * motion.fps))
-    white = rng.standard_normal((len(motion), NUM_JOINTS, 3))
-    white[0] /= np.sqrt(1 - keep**2)
-    own = np.sqrt(1 - keep**2) * lfilter([1.0], [1.0, -keep], white, axis=0)
+    wander = rng.standard_normal((len(motion), NUM_JOINTS, 3))
+    wander[0] /= np.sqrt(1 - keep**2)
+    for frame in range(1, len(wander)):
+        wander[frame] += keep * wander[frame - 1]
+    own = np.sqrt(1 - keep**2) * wander
     parents = np.maximum(PARENTS[:NUM_JOINTS], 0)
     return _turned(motion, np.radians(NOISE_DEG * severity) / np.sqrt(3) * (own + own[:, parents]) / np.sqrt(2))
 

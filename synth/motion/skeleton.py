@@ -117,8 +117,10 @@ def _forward_kinematics(quats, root_m, offsets_m, parents, rotated, points):
         for j in range(len(offsets_m)):
             p = parents[j]
             if p < 0:
-                rotated[n, j] = quats[n, j]
-                points[n, j] = root_m[n]
+                for axis in range(4):
+                    rotated[n, j, axis] = quats[n, j, axis]
+                for axis in range(3):
+                    points[n, j, axis] = root_m[n, axis]
                 continue
             w, x, y, z = rotated[n, p]
             vx, vy, vz = offsets_m[j]

@@ -250,7 +250,8 @@ def _clip(points, face, near, polygon):
         a, b = face[c], face[(c + 1) % 3]
         za, zb = points[a, 2], points[b, 2]
         if za >= near:
-            polygon[count] = points[a]
+            for axis in range(3):
+                polygon[count, axis] = points[a, axis]
             count += 1
         if (za >= near) != (zb >= near):
             t = (near - za) / (zb - za)

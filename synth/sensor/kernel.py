@@ -163,7 +163,7 @@ def _labelled_spans(labels, reach):
         begin, end = width, 0
         for v in range(max(y - reach, 0), min(y + reach + 1, height)):
             begin, end = min(begin, spans[v, 0]), max(end, spans[v, 1])
-        reached[y] = max(begin - reach, 0), min(end + reach, width) if end else 0
+        reached[y, 0], reached[y, 1] = max(begin - reach, 0), min(end + reach, width) if end else 0
     return reached
 
 

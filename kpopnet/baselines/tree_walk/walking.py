@@ -134,7 +134,8 @@ def walk(image, trees, steps, settling, step, key):
     for joint in ORDER:
         position, total = np.zeros(3), np.zeros(3)
         if START[joint] >= 0:
-            position[:] = mean[START[joint]]
+            for axis in range(3):
+                position[axis] = mean[START[joint], axis]
         for number in range(steps):
             leaf = find_leaf(trees, joint, image, position)
             draw = random_uniform(key, joint * steps + number)
@@ -143,9 +144,10 @@ def walk(image, trees, steps, settling, step, key):
                 chosen += 1
             for axis in range(3):
                 position[axis] = min(max(position[axis] + step * trees.direction[leaf, chosen, axis], -1.0), 1.0)
-            if number >= settling:
-                total += position
-        mean[joint] = total / (steps - settling)
+                if number >= settling:
+                    total[axis] += position[axis]
+        for axis in range(3):
+            mean[joint, axis] = total[axis] / (steps - settling)
     return mean
 
 

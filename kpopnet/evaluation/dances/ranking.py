@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest
 
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.evaluation.intervals import Bootstrap
@@ -68,6 +67,8 @@ def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a proportion, which a bootstrap's percentiles miss near 0 and 1 (Brown, Cai, DasGupta 2001)."""
+    from scipy.stats import binomtest  # slow to import
+
     found = binomtest(successes, trials).proportion_ci(method="wilson")
     return float(found.low), float(found.high)
 
@@ -83,4 +84,6 @@ def mcnemar_p_value(only_one: int, only_other: int) -> float:
 
     Only dances that one of both orders count; under the hypothesis each is as likely to be the one's as the other's.
     """
+    from scipy.stats import binomtest
+
     return float(binomtest(only_one, only_one + only_other).pvalue) if only_one + only_other else 1.0

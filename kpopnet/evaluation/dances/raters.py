@@ -11,7 +11,6 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import rankdata
 
 from kpopnet.datasets.dances.ratings import CHOICES, Answer
 from kpopnet.evaluation.dances.ranking import wilson_interval
@@ -66,6 +65,8 @@ def votes_of(dances: dict[str, list[str]], ratings: dict[str, list[Answer]]) -> 
 
 def ranks(signs: np.ndarray) -> np.ndarray:
     """(m, L) ranks of each rater from (m, L, L) signs, 1 for the best; equal ones share their mean rank."""
+    from scipy.stats import rankdata  # slow to import, and the raters' server needs it in the end alone
+
     return rankdata(-signs.sum(axis=2), axis=1)
 
 

@@ -6,11 +6,10 @@ Moves are defined by foot positions and cannot represent a handstand, which is k
 from collections.abc import Callable
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from synth.motion.choreography.composer import COUNTS, draw_style, filled, phrase
 from synth.motion.choreography.moves import Key, Move, arms, both_sides, concat, feet, flow, mirror, together, turning
-from synth.motion.choreography.stage import Style, perform
+from synth.motion.choreography.stage import Style, monotone, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
 from synth.motion.limbs import SIDES, Angles, choose, limb, uniform
 from synth.motion.posture import CHANNELS, angles, limited, rotations
@@ -184,7 +183,7 @@ def handstand(generator: np.random.Generator, seconds: float, fps: float) -> Mot
         (0.8 * pace, {}),
     ]
     times = np.cumsum([length for length, _ in keys])
-    curve = PchipInterpolator(times, np.array([angles(**shape) for _, shape in keys]))
+    curve = monotone(times, np.array([angles(**shape) for _, shape in keys]))
     postures = curve(np.arange(int(times[-1] * fps) + 1) / fps)
     return planted(rotations(limited(postures)), fps, "handstand", LEG_M)
 
@@ -235,7 +234,7 @@ def held(generator: np.random.Generator, pose: Angles, frames: int, fps: float, 
     times = np.arange(0, frames / fps + 2 * _UNREST_S, _UNREST_S)
     keys = np.tile(angles(**pose), (len(times), 1))
     keys[:, _RESTLESS] += unrest_deg * generator.standard_normal((len(times), len(_RESTLESS)))
-    postures = PchipInterpolator(times, keys)(np.arange(frames) / fps)
+    postures = monotone(times, keys)(np.arange(frames) / fps)
     return planted(rotations(limited(postures)), fps, "held", LEG_M)
 
 

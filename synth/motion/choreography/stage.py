@@ -6,11 +6,10 @@ placed in the world, and the legs follow by two-bone inverse kinematics. A foot 
 foot with a new position takes a step.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from kpopnet.rotations import about, conjugate, multiply, rotate
@@ -102,6 +101,13 @@ def _key_times(track: Sequence[Key], beat_s: float, sharpness: float) -> tuple[n
     return np.array(times), shown
 
 
+def monotone(times: np.ndarray, values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """The monotone cubic through (K, ...) values at (K,) times."""
+    from scipy.interpolate import PchipInterpolator  # slow to import, and needed where motion is composed alone
+
+    return PchipInterpolator(times, values)
+
+
 def _upper_angles(track: Sequence[Key], bpm: float, seconds: np.ndarray, style: Style) -> dict[str, np.ndarray]:
     """Angles (T,) in degrees of every channel of trunk, head and arms at the given times."""
     times, shown = _key_times(track, 60.0 / bpm, style.sharpness)
@@ -112,14 +118,14 @@ def _upper_angles(track: Sequence[Key], bpm: float, seconds: np.ndarray, style: 
         shape = RELAXED_UPPER | dict(track[shown[k]].shape)
         max_step = speeds * (times[k] - times[k - 1]) / _PEAK_OVER_MEAN
         values[k] = values[k - 1] + np.clip(np.array(list(shape.values())) - values[k - 1], -max_step, max_step)
-    curve = PchipInterpolator(times, values)
+    curve = monotone(times, values)
     waves = np.outer(seconds, (0.23, 0.31, 0.41, 0.53, 0.61)) + np.array(style.phases)
     sway = style.unsteadiness_deg * np.sin(2 * np.pi * waves)
     out = {}
     for i, channel in enumerate(RELAXED_UPPER):
         lag = next((v for part, v in _LAGS.items() if part in channel), 0.0) * style.lag_s
         at = np.clip(seconds - lag, 0.0, times[-1])
-        out[channel] = PchipInterpolator(times, values[:, i])(at) if lag else curve(at)[:, i]
+        out[channel] = monotone(times, values[:, i])(at) if lag else curve(at)[:, i]
         out[channel] = out[channel] + sway[:, i % sway.shape[1]]
     return out
 
@@ -147,7 +153,7 @@ class _FootPlan:
             feet.append(origin + _rotated(local, heading))
             yaw.append([heading + s * np.deg2rad(shape[f"{side}_foot_yaw"]) for side, s in _SIDES])
         self._feet, self._values = np.array(feet), values  # (K, 2, 2), (K, channels)
-        self._smooth = PchipInterpolator(self._times, np.column_stack([values, headings, origins, yaw]))
+        self._smooth = monotone(self._times, np.column_stack([values, headings, origins, yaw]))
 
     def at(self, seconds: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Channels by name; heading (T,) in radians and place (T, 2), x and z in metres, of the dancer's frame; ankles

@@ -14,7 +14,7 @@ pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, DRIVER, NARROW, chromium, resize, served
+from teacher_page import BROWSER, COMPOSED_ON_CPU, DRIVER, NARROW, WIDE, chromium, resize, served
 
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
@@ -38,11 +38,26 @@ def address(teaching):
         yield found
 
 
+@pytest.fixture(scope="module")
+def driver():
+    with chromium(more_flags=COMPOSED_ON_CPU) as started:
+        yield started
+
+
 @pytest.fixture
-def browser():
-    with chromium() as driver:
-        yield driver
-        severe = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
+def browser(driver):
+    """With one tab, a new one. What pages store is stored by address, and so for one test alone."""
+    before = driver.window_handles
+    driver.switch_to.new_window("tab")
+    tab = driver.current_window_handle
+    for one in before:
+        driver.switch_to.window(one)
+        driver.close()
+    driver.switch_to.window(tab)
+    resize(driver, WIDE)
+    driver.get_log("browser")
+    yield driver
+    severe = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
     assert [message for message in severe if "/api/dances/none " not in message] == []  # a test asks for it
 
 
@@ -101,7 +116,7 @@ def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korea
     assert len(browser.find_elements(By.CSS_SELECTOR, ".card")) == 1
     find(browser, "[data-dance=dance_001]").send_keys(Keys.ENTER)
     find(browser, "#start")
-    browser.get(f"{address}#/dance/dance_001?phrase=0&speed=25&skill=perfect&fault=left+arm")
+    browser.get(f"{address}#/dance/dance_001?phrase=0&speed=50&skill=perfect&fault=left+arm")
     browser.refresh()
     find(browser, "#start")
     browser.execute_script(RECORDER)

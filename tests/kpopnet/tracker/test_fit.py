@@ -1,5 +1,7 @@
 """The fit: people of round cones with known joints, impossible bodies, each term against its numerical gradient, the solver."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from cone_people import CAMERA, cone_body, cone_joints, error_m, moved, person  # noqa: F401
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 from kpopnet.geometry.body import COLLISION_PAIRS, LIMB_COLLISIONS, LIMBS, PARTS, ROW_TO_JOINT
 from kpopnet.geometry.cones import body_segments, extend_joints, nearest_parts, part_segments, signed_distance, torso_frame
-from kpopnet.geometry.depth_grid import build_depth_grid
+from kpopnet.geometry.depth_grid import DepthGrid, build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.tracker import fit as terms
@@ -23,7 +25,10 @@ from kpopnet.tracker.fit import (
     solve,
 )
 
-NOTHING = build_depth_grid(np.zeros((CAMERA.height, CAMERA.width), np.float32), CAMERA)
+
+@cache
+def nothing() -> DepthGrid:
+    return build_depth_grid(np.zeros((CAMERA.height, CAMERA.width), np.float32), CAMERA)
 
 
 def turned(joints: np.ndarray, angle_deg: float) -> np.ndarray:
@@ -270,10 +275,10 @@ def test_shoulders_sink_with_the_arms() -> None:
     joints = cone_joints(elevation_deg=40)
     body = cone_body(joints)
     # All but the head, which its prior moves forwards.
-    stayed = error_m(fit(joints, NOTHING, body, iterations=20), joints)
+    stayed = error_m(fit(joints, nothing(), body, iterations=20), joints)
     assert np.delete(stayed, [Joint.HEAD, Joint.TORSO]).max() < 0.01
     hanging = cone_joints(elevation_deg=-80)
-    found = fit(hanging, NOTHING, body, iterations=20)
+    found = fit(hanging, nothing(), body, iterations=20)
     assert HumanModel.from_joints(hanging).arms_raised < -0.9
     for shoulder, hip in ((Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP), (Joint.LEFT_SHOULDER, Joint.LEFT_HIP)):
         shorter = np.linalg.norm(hanging[shoulder] - hanging[hip]) - np.linalg.norm(found[shoulder] - found[hip])

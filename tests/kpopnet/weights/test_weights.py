@@ -40,21 +40,39 @@ def save(run, network=None, **more):
     return save_untrained(run, MODEL, network, **({"config": CONFIG} | more))
 
 
+def judging_run(folder):
+    """A run whose network has a head that judges."""
+    torch.manual_seed(1)
+    run = save(folder)
+    (run / PERSON).write_bytes(save_weights(PersonHead(MODEL.widths[-1]).state_dict()))
+    return run
+
+
+def judges(weights) -> set[bool]:
+    """Whether what is shipped judges, by what it does, by its list of files and by its files."""
+    depth_m = draw_depth(draw_joints(np.random.default_rng(0)))[None]
+    listed = runpy.run_path(str(weights / "__init__.py"))["SHA256"]
+    return {NetworkEstimator(weights).judge(depth_m, CAMERA)[1] is not None, PERSON in listed, (weights / PERSON).is_file()}
+
+
 @pytest.fixture(scope="module")
 def once(tmp_path_factory):
-    """A run, and its network shipped, which takes seconds."""
+    """A run, and its network shipped after one that judges, as `judged` notes; each takes seconds."""
     place = tmp_path_factory.mktemp("once")
     weights = place / "weights"
     weights.mkdir()
     for name in ("__init__.py", *kpopnet.weights.OVER_TIME_SHA256):
         shutil.copy(kpopnet.weights.FOLDER / name, weights)
-    ship_weights.ship(save(place / "run"), weights)
-    return place
+    judged = []
+    for run in (judging_run(place / "judging"), save(place / "run")):
+        ship_weights.ship(run, weights)
+        judged.append(judges(weights))
+    return place, judged
 
 
 @pytest.fixture
 def shipped(tmp_path, monkeypatch, once):
-    shutil.copytree(once, tmp_path, dirs_exist_ok=True, symlinks=True)
+    shutil.copytree(once[0], tmp_path, dirs_exist_ok=True, symlinks=True)
     monkeypatch.setattr(kpopnet.weights, "FOLDER", tmp_path / "weights")
     monkeypatch.setattr(kpopnet.weights, "SHA256", runpy.run_path(str(tmp_path / "weights/__init__.py"))["SHA256"])
     return tmp_path / "weights"
@@ -75,16 +93,8 @@ def test_without_a_checkpoint_the_estimator_takes_it(tmp_path, shipped):
     np.testing.assert_allclose(estimate.confidence, by_torch.confidence, atol=1e-5)
 
 
-def test_a_network_without_a_head_that_judges_is_not_given_that_of_the_one_before(tmp_path, shipped):
-    torch.manual_seed(1)
-    run = save(tmp_path / "judging")
-    (run / PERSON).write_bytes(save_weights(PersonHead(MODEL.widths[-1]).state_dict()))
-    depth_m = draw_depth(draw_joints(np.random.default_rng(0)))[None]
-    for checkpoint, judges in ((run, True), (tmp_path / "run" / "best", False)):
-        ship_weights.ship(checkpoint, shipped)
-        assert (NetworkEstimator(shipped).judge(depth_m, CAMERA)[1] is not None) is judges
-        listed = runpy.run_path(str(shipped / "__init__.py"))["SHA256"]
-        assert (PERSON in listed) is judges and (shipped / PERSON).is_file() is judges
+def test_a_network_without_a_head_that_judges_is_not_given_that_of_the_one_before(once):
+    assert once[1] == [{True}, {False}]
 
 
 def test_weights_are_half_the_size_and_computed_with_in_float32(tmp_path, shipped):
