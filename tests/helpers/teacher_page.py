@@ -32,9 +32,6 @@ FLAGS = (
     "disable-dev-shm-usage",
     "enable-unsafe-swiftshader",
 )
-COMPOSED_ON_CPU = ("disable-gpu-compositing",)
-"""Where no card draws, half of what Chromium computes is a page composed as if one did; what WebGL draws is the same."""
-
 FAKE_WEBCAM = ("use-fake-device-for-media-stream", "use-fake-ui-for-media-stream")
 WIDE, NARROW = (1280, 900), (400, 860)
 PATIENCE_S = 480
@@ -114,7 +111,7 @@ def started(*words: object, errors: IO | None = None) -> Iterator[tuple[str, int
 
 
 @contextlib.contextmanager
-def chromium(size: tuple[int, int] = WIDE, webcam: Path | None = None, more_flags: tuple[str, ...] = ()):
+def chromium(size: tuple[int, int] = WIDE, webcam: Path | None = None):
     """A headless Chromium with a window of this width and height in pixels; needs selenium, `DRIVER` and `BROWSER`.
 
     A film `webcam` (.mjpeg or .y4m) is played, again and again, as its webcam, which every page may use.
@@ -125,7 +122,7 @@ def chromium(size: tuple[int, int] = WIDE, webcam: Path | None = None, more_flag
     options = webdriver.ChromeOptions()
     options.binary_location = BROWSER
     film = () if webcam is None else (*FAKE_WEBCAM, f"use-file-for-fake-video-capture={webcam}")
-    for flag in (*FLAGS, *more_flags, *film):
+    for flag in (*FLAGS, *film):
         options.add_argument(f"--{flag}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(DRIVER))

@@ -15,7 +15,7 @@ from live_people import open_unsteady_recording, watched, write_recording
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, COMPOSED_ON_CPU, DRIVER, NARROW, chromium, resize, served
+from teacher_page import BROWSER, DRIVER, NARROW, chromium, resize, served
 
 from kpopnet.sources import open_depth
 
@@ -45,7 +45,7 @@ def shows(driver, colours: tuple[tuple[int, int, int], ...]) -> bool:
 def test_two_people_are_seen_recorded_paused_and_lost_and_the_end_of_the_program_is_told(tmp_path):
     write_recording(tmp_path)
     watching = watched(tmp_path, open_camera=partial(open_unsteady_recording, tmp_path))
-    with contextlib.ExitStack() as server, chromium(more_flags=COMPOSED_ON_CPU) as driver:
+    with contextlib.ExitStack() as server, chromium() as driver:
         address = server.enter_context(served(watching))
 
         def until(condition):

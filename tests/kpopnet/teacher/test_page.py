@@ -14,7 +14,7 @@ pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, COMPOSED_ON_CPU, DRIVER, NARROW, WIDE, chromium, resize, served
+from teacher_page import BROWSER, DRIVER, NARROW, WIDE, chromium, resize, served
 
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
@@ -40,7 +40,7 @@ def address(teaching):
 
 @pytest.fixture(scope="module")
 def driver():
-    with chromium(more_flags=COMPOSED_ON_CPU) as started:
+    with chromium() as started:
         yield started
 
 

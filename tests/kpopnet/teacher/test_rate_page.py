@@ -12,7 +12,7 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, COMPOSED_ON_CPU, DRIVER, NARROW, chromium, resize, served
+from teacher_page import BROWSER, DRIVER, NARROW, chromium, resize, served
 
 from kpopnet.dance.performance import Performance
 from kpopnet.datasets.dances.dance_set import Dance, KpopSet, Learner
@@ -55,7 +55,7 @@ def test_a_rater_answers_reloads_and_finishes(tmp_path):
     def choices() -> list[str]:
         return [one.choice for one in read_ratings(ratings_path(tmp_path, "eve 1"), rating.learners)]
 
-    with served(rating) as address, chromium(more_flags=COMPOSED_ON_CPU) as driver:
+    with served(rating) as address, chromium() as driver:
 
         def until(condition):
             return WebDriverWait(driver, 120, 0.2).until(lambda _: condition())

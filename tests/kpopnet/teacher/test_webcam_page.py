@@ -12,7 +12,7 @@ pytest.importorskip("selenium", reason="selenium is not installed")
 from programs import tool
 from selenium.webdriver.common.by import By
 from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, COMPOSED_ON_CPU, DRIVER, chromium, served
+from teacher_page import BROWSER, DRIVER, chromium, served
 from webcam_films import STAMP_BITS, STAMP_PX, FilmedLearner, write_film
 
 from kpopnet.dance.joint_files.mediapipe import CAMERA, WEBCAM
@@ -145,7 +145,7 @@ def test_the_measuring_tool_finds_the_points_of_a_picture(library):
 
 
 def test_a_webcam_that_is_refused_or_missing_is_told(offering):
-    with chromium(more_flags=COMPOSED_ON_CPU) as browser:
+    with chromium() as browser:
         open_dance(browser, offering)
         # Which of both Chromium answers where there is no webcam depends on its version.
         refuse = "navigator.mediaDevices.getUserMedia = () => Promise.reject(new DOMException('', arguments[0]))"
