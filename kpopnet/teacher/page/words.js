@@ -29,5 +29,6 @@ export function say(message, values = {}) {
 function shown(value) {
   if (Array.isArray(value)) return value.map(shown).join(", ");
   if (typeof value === "object") return say(value);
-  return DECIMAL_COMMA.includes(language) && /^[+-]?\d+\.\d+$/.test(value) ? value.replace(".", ",") : String(value);
+  const text = String(value);
+  return DECIMAL_COMMA.includes(language) && /^[+-]?\d+\.\d+$/.test(text) ? text.replace(".", ",") : text;
 }

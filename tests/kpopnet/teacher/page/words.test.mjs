@@ -29,4 +29,5 @@ test("what the server sends is said whole, with decimal commas in numbers alone"
   assert.equal(say({ say: "{what} {when}", what: late, when: { say: "at {times} and {last}", times: ["0:01", "0:05"], last: "0:12" } }),
     "0,2 s zu spät bei 0:01, 0:05 und 0:12");
   assert.equal(say({ say: "the recording {name}", name: "take.2.npz" }), "die Aufnahme take.2.npz");
+  assert.equal(say("{what} {figure}", { what: say("place"), figure: 0.5 }), "Position 0,5");
 });
