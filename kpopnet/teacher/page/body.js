@@ -103,13 +103,14 @@ const other = new Quaternion();
 
 // How much a machine can draw. Drawings that it has not finished would queue, and hold up everything that the page shows: the next
 // one waits until the one before is finished, and takes no more than its share of the time. How long one takes is measured now and
-// then: where it is long, as without a graphics card, pictures get coarser, where it is short, finer than the screen, which
-// smooths their edges.
-const SHARE = 1 / 3, SLOW_MS = 40, FAST_MS = 5, COARSEST = Math.SQRT1_2, FINEST = 2, STEP = Math.SQRT2, MEASURED_EVERY = 20;
+// then: where it is long, as without a graphics card, pictures get coarser than the screen, where it is short, finer, which smooths
+// their edges.
+const SHARE = 1 / 3, SLOW_MS = 40, SMOOTH_MS = SHARE * 1000 / 60, STEP = Math.SQRT2, MEASURED_EVERY = 20;
 
 export class DrawingLoad {
-  constructor(gl) {
-    Object.assign(this, { gl, scale: 1, fence: null, drawings: 0, took_ms: 0, next: 0 });
+  // density: pixels of the screen for each of the page's, devicePixelRatio.
+  constructor(gl, density) {
+    Object.assign(this, { gl, density: Math.min(density, 2), ratio: Math.min(density, 2), fence: null, drawings: 0, took_ms: 0, next: 0, doubted: false });
   }
 
   allows(now) {
@@ -123,18 +124,22 @@ export class DrawingLoad {
 
   drawn(begun) {
     this.drawings += 1;
-    if (this.drawings % MEASURED_EVERY === 2) this.measure(begun); // the first one prepares the next ones too
+    if (this.doubted || this.drawings % MEASURED_EVERY === 2) this.measure(begun); // the first one prepares the next ones too
     this.next = begun + this.took_ms / SHARE;
     this.fence = this.gl.fenceSync(this.gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
     this.gl.flush();
   }
 
+  // A step finer doubles the pixels: it is taken where the drawing, twice as long, is still quick enough.
   measure(begun) {
-    const { gl } = this;
+    const { gl, density } = this;
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits until it is drawn
-    this.took_ms = performance.now() - begun;
-    if (this.took_ms > SLOW_MS) this.scale = Math.max(this.scale / STEP, COARSEST);
-    else if (this.took_ms < FAST_MS) this.scale = Math.min(this.scale * STEP, FINEST);
+    const took_ms = performance.now() - begun;
+    this.doubted = !this.doubted && took_ms > SLOW_MS && took_ms > 2 * this.took_ms; // the machine may have stalled: once more
+    if (this.doubted) return;
+    this.took_ms = took_ms;
+    if (took_ms > (this.ratio > density ? 2 * SMOOTH_MS : SLOW_MS)) this.ratio = Math.max(this.ratio / STEP, density / STEP);
+    else if (2 * took_ms < (this.ratio < density ? SLOW_MS : SMOOTH_MS)) this.ratio = Math.min(this.ratio * STEP, 2 * STEP, 2 * density);
   }
 }
 
@@ -170,7 +175,7 @@ export class View {
     this.scene.add(this.stage, sun, new HemisphereLight("#ffffff", "#666077", 1.6), floor, new GridHelper(3.6, 6, "#55506a", "#66617a"));
     this.dancers = [];
     this.changed = true;
-    this.load = new DrawingLoad(this.renderer.getContext());
+    this.load = new DrawingLoad(this.renderer.getContext(), devicePixelRatio);
   }
 
   add(found, kind, x) {
@@ -206,9 +211,9 @@ export class View {
   draw(time_s) {
     const { clientWidth, clientHeight } = this.canvas, now = performance.now();
     if (!clientWidth || !this.load.allows(now) || (time_s === this.shown && !this.changed && clientWidth === this.width && clientHeight === this.height)) return;
-    if (clientWidth !== this.width || clientHeight !== this.height || this.load.scale !== this.scale) {
-      [this.width, this.height, this.scale] = [clientWidth, clientHeight, this.load.scale];
-      this.renderer.setPixelRatio(Math.min(devicePixelRatio * this.scale, FINEST));
+    if (clientWidth !== this.width || clientHeight !== this.height || this.load.ratio !== this.ratio) {
+      [this.width, this.height, this.ratio] = [clientWidth, clientHeight, this.load.ratio];
+      this.renderer.setPixelRatio(this.ratio);
       this.renderer.setSize(clientWidth, clientHeight, false);
       const aspect = clientWidth / clientHeight;
       if (this.places_m && this.fitted !== aspect) this.back(distanceOf(this.places_m, aspect)); // else it stays as it was zoomed

@@ -54,36 +54,48 @@ test("a group is seen from its left to its right, in a wide picture and on a pho
   }
 });
 
-// Draws on a screen of 60 images a second by a machine that takes this long for a drawing, and answers when asked whether it is
-// done; the share of the screen's images that were drawn, and how fine in the end.
-function drawnBy(took_ms) {
-  let now_ms = 0, done_ms = 0;
+// Draws for ten seconds on a screen of 60 images a second by a machine that takes took_ms(ratio, drawing) for a drawing: the share
+// of the screen's images that were drawn, the pixels for each of the page's in the end, and the longest wait for a drawing.
+function drawnBy(took_ms, density = 1) {
+  let now_ms = 0, done_ms = 0, drawings = 0, last_ms = 0, longest_ms = 0;
   mock.method(performance, "now", () => now_ms);
-  const gl = {
+  const load = new DrawingLoad({
     UNSIGNALED: 0, fenceSync: () => ({}), deleteSync() {}, flush() {},
     getSyncParameter: () => (now_ms >= done_ms ? 1 : 0),
     readPixels() { now_ms = Math.max(now_ms, done_ms); },
-  };
-  const load = new DrawingLoad(gl);
-  let drawings = 0;
+  }, density);
   for (let image = 0; image < 600; image++) {
     now_ms = Math.max(now_ms, image * 1000 / 60);
     if (!load.allows(now_ms)) continue;
-    const begun = now_ms;
-    done_ms = now_ms + took_ms(load.scale);
-    load.drawn(begun);
-    drawings++;
+    longest_ms = Math.max(longest_ms, now_ms - last_ms);
+    last_ms = now_ms;
+    done_ms = now_ms + took_ms(load.ratio, drawings++);
+    load.drawn(last_ms);
   }
   mock.restoreAll();
-  return [drawings / 600, load.scale];
+  return { share: drawings / 600, ratio: load.ratio, longest_ms };
 }
 
-test("a fast machine draws finely and every time, a slow one coarsely and a third of the time at most", () => {
-  assert.deepEqual(drawnBy(() => 2), [1, 2]);
-  const [share, scale] = drawnBy(() => 12);
-  assert.ok(Math.abs(share - 1 / 3) < 0.1 && scale === 1);
-  const [least, coarse] = drawnBy((fine) => 40 * fine ** 2 + 20);
-  assert.ok(coarse < 0.71 && coarse > 0.7 && least > 0.1 && least < 0.34, `${least} ${coarse}`);
-  const [waiting] = drawnBy(() => 200);
-  assert.ok(waiting < 0.04);
+test("a fast machine draws every time, and finer than the screen where it can", () => {
+  for (const fine_ms of [0.5, 2, 3, 5]) assert.equal(drawnBy((ratio) => fine_ms * ratio ** 2).share, 1, fine_ms);
+  assert.equal(drawnBy((ratio) => 0.5 * ratio ** 2).ratio, 2);
+  assert.ok(drawnBy((ratio) => 0.2 * ratio ** 2, 2).ratio > 2.8); // a screen of twice the density
+  assert.equal(drawnBy(() => 0.1, 3).ratio, 2 * Math.SQRT2);
+});
+
+test("a slow machine draws a third of the time at most, and coarser where it is very slow", () => {
+  const { share, ratio } = drawnBy(() => 12);
+  assert.ok(Math.abs(share - 1 / 3) < 0.1 && ratio === 1);
+  for (const density of [1, 2, 3]) {
+    const slow = drawnBy((fine) => 20 + 40 * fine ** 2, density);
+    assert.ok(Math.abs(slow.ratio - Math.min(density, 2) / Math.SQRT2) < 1e-9 && slow.share < 0.2);
+  }
+  assert.ok(drawnBy(() => 200).share < 0.04);
+});
+
+test("one stall of the machine is over with it", () => {
+  for (const at of [1, 21, 30, 41]) {
+    const { share, ratio, longest_ms } = drawnBy((_, drawing) => (drawing === at ? 2000 : 12));
+    assert.ok(longest_ms < 2100 && ratio === 1 && share > 0.2, `${at} ${longest_ms} ${ratio} ${share}`);
+  }
 });
