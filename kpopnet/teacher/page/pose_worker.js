@@ -26,7 +26,10 @@ const pose = new globalThis.Pose({ locateFile: (name) => VENDOR + name });
 // Its smoothing over time would delay the points; the scorer has its own.
 pose.setOptions({ modelComplexity: 0, smoothLandmarks: false, useCpuInference: true });
 let found = {};
-pose.onResults(({ poseLandmarks, poseWorldLandmarks }) => { found = { poseLandmarks, poseWorldLandmarks }; });
+pose.onResults(({ image, poseLandmarks, poseWorldLandmarks }) => {
+  image?.close();
+  found = { poseLandmarks, poseWorldLandmarks };
+});
 
 // Answers each message, in their order: {anew} forgets who was seen, {picture, at_ms} finds the points of a picture.
 async function answer({ anew, picture, at_ms }) {
@@ -37,6 +40,8 @@ async function answer({ anew, picture, at_ms }) {
     globalThis.postMessage({ found });
   } catch (error) {
     globalThis.postMessage({ error: String(error?.message || error) });
+  } finally {
+    picture?.close();
   }
 }
 

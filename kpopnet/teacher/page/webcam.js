@@ -110,26 +110,29 @@ function nextPicture(video) {
   });
 }
 
-// MediaPipe's pose in its thread.
+// MediaPipe's pose with its small network, in a thread of its own.
 class Pose {
   constructor() {
-    this.waiting = [];
+    Object.assign(this, { waiting: [], failed: null });
     this.worker = new Worker(new URL("pose_worker.js", import.meta.url));
     this.worker.addEventListener("message", ({ data }) => {
-      const [take, fail] = this.waiting.shift();
-      if (data.error) fail(new Error(data.error));
-      else take(data.found);
+      if (data.error) this.fail(data.error);
+      else this.waiting.shift()[0](data.found);
     });
-    // It did not load, or ended.
-    this.worker.addEventListener("error", ({ message }) => {
-      const error = new Error(message || say("the teacher's program does not answer; is it still running?"));
-      for (const [, fail] of this.waiting.splice(0)) fail(error);
-    });
+    this.worker.addEventListener("error", ({ message }) => this.fail(message || say("the teacher's program does not answer; is it still running?")));
+  }
+
+  // Whoever asked or asks is told; the next lesson begins another one.
+  fail(text) {
+    this.worker.terminate();
+    [this.failed, loaded] = [new Error(text), null];
+    for (const [, refuse] of this.waiting.splice(0)) refuse(this.failed);
   }
 
   ask(message, handed = []) {
-    return new Promise((take, fail) => {
-      this.waiting.push([take, fail]);
+    return new Promise((take, refuse) => {
+      if (this.failed) throw this.failed;
+      this.waiting.push([take, refuse]);
       this.worker.postMessage(message, handed);
     });
   }
@@ -140,25 +143,19 @@ class Pose {
   }
 
   // What is found in a canvas, for `pointsOf`; at_ms is the picture's time on any clock that goes forward.
-  async find(canvas, at_ms = performance.now()) {
+  async find(canvas, at_ms) {
     const picture = await createImageBitmap(canvas);
-    return this.ask({ picture, at_ms }, [picture]);
+    return this.ask({ picture, at_ms: at_ms ?? performance.now() }, [picture]);
   }
 }
 
 let loaded = null;
 
-// MediaPipe's pose with its small network; one for the page, as it frees no memory.
+// The pose of the page, which takes a second to begin.
 export function loadPose() {
   loaded ||= (async () => {
     const pose = new Pose();
-    try {
-      await pose.anew();
-    } catch (error) {
-      pose.worker.terminate();
-      loaded = null; // the next lesson tries again
-      throw error;
-    }
+    await pose.anew();
     return pose;
   })();
   return loaded;

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-const said = [], imported = [], heard = [];
+const said = [], imported = [], heard = [], closed = [];
 let onFound, listen;
 Object.assign(globalThis, {
   importScripts: (src) => imported.push(src),
@@ -30,20 +30,23 @@ Object.assign(globalThis, {
       if (!image.points) throw new Error("out of memory");
       heard.push(at_ms);
       await new Promise((go) => { setTimeout(go, image.takes_ms); });
-      onFound({ poseLandmarks: image.points, poseWorldLandmarks: image.points, image: "a texture, which cannot be sent" });
+      onFound({ poseLandmarks: image.points, poseWorldLandmarks: image.points, image: { close: () => closed.push("seen") } });
     }
   },
 });
 await import("../../../../kpopnet/teacher/page/pose_worker.js");
 
 test("messages are answered in their order, whatever one takes, and a failure in words", async () => {
+  const close = () => closed.push("picture");
   for (const data of [
-    { anew: true }, { picture: { points: [1], takes_ms: 20 }, at_ms: 30 }, { picture: {}, at_ms: 60 }, { picture: { points: [2], takes_ms: 0 }, at_ms: 90 },
+    { anew: true }, { picture: { points: [1], takes_ms: 20, close }, at_ms: 30 }, { picture: { close }, at_ms: 60 }, { picture: { points: [2], takes_ms: 0, close }, at_ms: 90 },
   ]) listen({ data });
   while (said.length < 4) await new Promise((go) => { setTimeout(go, 5); });
   const points = (value) => ({ found: { poseLandmarks: [value], poseWorldLandmarks: [value] } });
   assert.deepEqual(said, [{ found: {} }, points(1), { error: "out of memory" }, points(2)]);
   assert.deepEqual(heard.slice(1), ["anew", 30, 90]);
+  await new Promise((go) => { setTimeout(go); });
+  assert.deepEqual(closed, ["seen", "picture", "picture", "seen", "picture"]); // a browser keeps what is not closed for long
   assert.equal(heard[0].smoothLandmarks, false);
   assert.deepEqual(imported, ["vendor/mediapipe/pose.js", "wasm.js"]);
 });

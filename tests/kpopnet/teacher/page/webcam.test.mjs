@@ -44,8 +44,10 @@ function workers(answers) {
     }
 
     postMessage(message) {
-      const event = this.answer ? Object.assign(new Event("message"), { data: this.answer(message) }) : new Event("error");
-      queueMicrotask(() => this.dispatchEvent(event));
+      queueMicrotask(() => {
+        if (this.ended) return;
+        this.dispatchEvent(this.answer ? Object.assign(new Event("message"), { data: this.answer(message) }) : new Event("error"));
+      });
     }
 
     terminate() {
@@ -65,8 +67,10 @@ test("a network that did not load, or does not begin, is loaded again by the nex
 
 test("a picture is handed to the thread, and what it says of it comes back, also that it failed", async () => {
   globalThis.createImageBitmap = async (canvas) => ({ of: canvas });
+  workers([() => ({ found: {} }), () => ({ found: {} })]);
   const pose = await loadPose(), said = [{ found: at(0.5, 0.5) }, { error: "out of memory" }];
   pose.worker.answer = ({ picture, at_ms }) => Object.assign(said.shift(), { picture, at_ms });
   assert.deepEqual(await pose.find("canvas", 40), at(0.5, 0.5));
-  await assert.rejects(pose.find("canvas", 80), /out of memory/);
+  await Promise.all([pose.find("canvas", 80), pose.anew()].map((one) => assert.rejects(one, /out of memory/)));
+  assert.notEqual(await loadPose(), pose);
 });
