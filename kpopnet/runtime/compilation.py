@@ -1,15 +1,18 @@
 """Says that numba compiles its kernels for this machine, which it does once, when they are first used."""
 
-import atexit
 import multiprocessing
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 from numba.core import event
 
+from kpopnet.runtime.cpu import available_cores, own_python
+
 _listener: "CompilationNotice | None" = None
+_beside: subprocess.Popen | None = None  # kept: Python warns of one that is forgotten while it runs
 
 
 class CompilationNotice(event.Listener):
@@ -28,7 +31,7 @@ class CompilationNotice(event.Listener):
         self.began = self.began or now
         if not self.kernels:
             print("compiling kernels for this machine, once; up to a minute:", file=sys.stderr, flush=True)
-            if self.beside is not None:
+            if self.beside is not None and available_cores() > 1:
                 _run_beside(self.beside)
         if now - self.spoke > 1.0 or not self.kernels:
             self.spoke = now
@@ -44,7 +47,7 @@ def announce_compilation(beside: Callable[[], None] | None = None) -> None:
     """Has this process say so when numba compiles; worker processes stay silent, one voice is enough.
 
     `beside` is a function of a module that compiles kernels which this process uses last: another process calls it meanwhile,
-    and what that has done by then comes from numba's cache.
+    and what that has done by then comes from numba's cache. On one core that would take longer: it compiles all by itself.
     """
     global _listener
     if _listener is None and multiprocessing.parent_process() is None:
@@ -53,13 +56,9 @@ def announce_compilation(beside: Callable[[], None] | None = None) -> None:
 
 
 def _run_beside(compile_kernels: Callable[[], None]) -> None:
-    """Calls a function in a process of its own, which ends with this one at the latest."""
+    """Calls a function in a process of its own, which ends by itself: killed, it might leave a cache of two halves."""
     name, quiet = compile_kernels.__name__, subprocess.DEVNULL
-    statement = f"from {compile_kernels.__module__} import {name}; {name}()"
-    process = subprocess.Popen([sys.executable, "-c", statement], stdin=quiet, stdout=quiet, stderr=quiet)
-
-    def end() -> None:
-        process.kill()
-        process.wait()
-
-    atexit.register(end)
+    words, environment = own_python(f"from {compile_kernels.__module__} import {name}; {name}()")
+    with suppress(OSError):  # then this process compiles all of it
+        global _beside
+        _beside = subprocess.Popen(words, stdin=quiet, stdout=quiet, stderr=quiet, env=environment)

@@ -3,6 +3,7 @@
 import ctypes
 import os
 import sys
+from pathlib import Path
 
 MOST_PER_CORE = 4
 """Processes for each core beyond which more of them only take memory."""
@@ -12,6 +13,15 @@ ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THRE
 
 M_TRIM_THRESHOLD, M_TOP_PAD, M_MMAP_THRESHOLD = -1, -2, -3
 KEPT_BYTES, AHEAD_BYTES, LARGE_BYTES = 256 << 20, 16 << 20, 32 << 20
+
+
+def own_python(statement: str) -> tuple[list[str], dict[str, str]]:
+    """The words and the environment of a process that executes a statement with this one's modules, on one thread.
+
+    It imports from where this process does, and not from the folder that the user happens to be in.
+    """
+    places = os.pathsep.join(place or str(Path.cwd()) for place in sys.path)
+    return [sys.executable, "-P", "-c", statement], os.environ | ONE_THREAD | {"PYTHONPATH": places}
 
 
 def available_cores() -> int:

@@ -21,7 +21,7 @@ from typing import IO, Any, TypeVar
 import numpy as np
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.cpu import ONE_THREAD
+from kpopnet.runtime.cpu import own_python
 from kpopnet.runtime.input_files import first_line
 
 R = TypeVar("R")
@@ -64,13 +64,9 @@ def iterate_in_child(
 ) -> Generator[R, None, None]:
     """Yields what reader(path, *args) yields, as `read_in_child`; `seconds` limits each item."""
     path = Path(path)
-    child = subprocess.Popen(
-        [sys.executable, "-P", "-c", "from kpopnet.runtime.untrusted import serve; serve()"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env=os.environ | ONE_THREAD | {"PYTHONPATH": os.pathsep.join(place or str(Path.cwd()) for place in sys.path)},
-    )
+    words, environment = own_python("from kpopnet.runtime.untrusted import serve; serve()")
+    pipe = subprocess.PIPE
+    child = subprocess.Popen(words, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, env=environment)
     assert child.stdin is not None and child.stdout is not None
     try:
         with suppress(BrokenPipeError):  # and stays open: the child ends where this process does

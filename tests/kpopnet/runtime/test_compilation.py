@@ -1,14 +1,17 @@
 """The notice that numba compiles."""
 
+import os
 import subprocess
 import sys
 
+import pytest
 from programs import ROOT
 
 PROGRAM = """
 import subprocess
 import tempfile
 from numba import njit
+from kpopnet.runtime import compilation
 from kpopnet.runtime.compilation import announce_compilation
 announce_compilation(tempfile.gettempdir)
 announce_compilation()
@@ -20,17 +23,23 @@ def kernel(x):
     return inner(x) * 2
 Popen, started = subprocess.Popen, []
 subprocess.Popen = lambda words, **given: started.append((words[1:], process := Popen(words, **given))) or process
+compilation.available_cores = lambda: CORES
 print(kernel(1), kernel(2), kernel(1.5))
-[(words, process)] = started
-print(words, process.wait())
+for words, process in started:
+    print(words, process.wait())
 """
 
 
-def test_the_first_use_of_a_kernel_is_announced_once_with_its_name():
-    done = subprocess.run([sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, check=True)
-    kernels, beside = done.stdout.splitlines()
+@pytest.mark.parametrize("cores", [1, 2])
+def test_the_first_use_of_a_kernel_is_announced_once_and_another_core_compiles_beside(cores, tmp_path):
+    (tmp_path / "tempfile.py").write_text("raise SystemExit('a file of the user is no module of ours')")
+    program = PROGRAM.replace("CORES", str(cores))
+    words = [sys.executable, "-P", "-c", program]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    kernels, *beside = done.stdout.splitlines()
     assert kernels == "4 6 5.0"
-    assert beside == "['-c', 'from tempfile import gettempdir; gettempdir()'] 0"
+    assert beside == ["['-P', '-c', 'from tempfile import gettempdir; gettempdir()'] 0"][: cores - 1]
     notice, first, *rest = done.stderr.splitlines()
     assert notice.startswith("compiling kernels for this machine") and first.endswith("kernel 1: kernel")
     assert len(rest) <= 1  # a line a second at most, and none for what a kernel calls
