@@ -4,7 +4,7 @@ import importlib
 import sys
 from importlib.metadata import version
 
-from kpopnet.runtime.endings import begin_imports, end_imports
+from kpopnet.runtime.endings import begin_imports, end_imports, user_errors
 
 PROGRAMS = {
     "generate": ("synth.__main__", "makes training samples and simulated sets (python -m synth)"),
@@ -32,6 +32,7 @@ def usage() -> str:
     return f"usage: kpopnet PROGRAM ...\n\n{about}\n\n{programs}\n\n{hint}"
 
 
+@user_errors
 def main() -> None:
     """Runs the program that the first argument names; exits with code 2 where it names none."""
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"

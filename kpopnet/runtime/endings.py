@@ -8,7 +8,8 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import ParamSpec, TextIO, TypeGuard, TypeVar
 
@@ -53,27 +54,51 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
         logging.raiseExceptions = False  # where no log can be written, no result can: that error is printed
         threading.excepthook = _thread_ended
         try:
-            result = function(*args, **kwargs)
-            sys.stdout.flush()
-            return result
+            with _told():
+                return function(*args, **kwargs)
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
             raise SystemExit(130) from None
         except Exception as error:
             if isinstance(error, BrokenPipeError) and _is_unread(sys.stdout):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to print goes nowhere
+                _silence(sys.stdout)
                 raise SystemExit(141) from None  # as a shell says of a program that `| head` ended
             if (message := _message(error)) is None:
                 raise
             print(f"error: {message}", file=sys.stderr)
+            try:
+                _flush()
+            except OSError:  # the disk to which this program's output goes is full: Python would say so once more
+                _silence(sys.stdout)
             raise SystemExit(1) from None
 
     return careful
 
 
-def _is_unread(stream: TextIO) -> bool:
+@contextmanager
+def _told() -> Iterator[None]:
+    """What was printed is written at the end, also of a program that exits, while errors of it can still be caught."""
+    try:
+        yield
+    except SystemExit:
+        _flush()
+        raise
+    _flush()
+
+
+def _flush() -> None:
+    if sys.stdout is not None:  # as of a program without a console
+        sys.stdout.flush()
+
+
+def _silence(stream: TextIO) -> None:
+    """What is left to print goes nowhere."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _is_unread(stream: TextIO | None) -> bool:
     """Whether this program's output goes into a pipe that no program reads any more; not known on Windows."""
-    if not hasattr(select, "poll"):
+    if stream is None or not hasattr(select, "poll"):
         return False
     pipe = select.poll()
     pipe.register(stream.fileno(), 0)

@@ -1,7 +1,9 @@
 """How a program ends whose output is not read to its end."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from programs import ROOT
@@ -33,3 +35,30 @@ def test_another_pipe_that_is_broken_is_told():
     what = "raise BrokenPipeError('a child ended')"
     done = subprocess.run([sys.executable, "-c", PROGRAM.format(what=what)], cwd=ROOT, input=b"", capture_output=True)
     assert done.returncode == 1 and b"BrokenPipeError: a child ended" in done.stderr
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["score", "--help"]])
+def test_help_that_no_program_reads_ends_quietly_too(words):
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with subprocess.Popen(
+        [sys.executable, "-c", "import sys; sys.stdin.read(); from kpopnet.cli import main; main()", *words],
+        cwd=ROOT, env=buffered, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as program:  # fmt: skip
+        program.stdout.close()
+        program.stdin.close()
+        assert (program.stderr.read(), program.wait()) == (b"", 141)
+
+
+def test_a_program_without_a_console_ends_well():
+    what = "sys.stdout = None; print('nowhere')"
+    done = subprocess.run([sys.executable, "-c", PROGRAM.format(what=what)], cwd=ROOT, input=b"", capture_output=True)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+def test_a_full_disk_below_the_output_is_told_once():
+    with Path("/dev/full").open("wb") as full:
+        program = PROGRAM.format(what="print('a line')")
+        done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, input=b"", stdout=full, stderr=subprocess.PIPE)
+    assert done.returncode == 1 and done.stderr.startswith(b"error: ") and done.stderr.count(b"\n") == 1
+    assert b"the disk is full" in done.stderr
