@@ -1,10 +1,10 @@
-"""Prepares a release: writes its version everywhere, builds the wheel, tries it, and says what is left to do by hand.
+"""Prepares a release: writes its version where files state it, builds the wheel, tries it, and says what is left to do by hand.
 
     make release VERSION=0.2.0
     PYTHONPATH=. python tools/release.py 0.2.0
 
-The wheel is unpacked beside this checkout's code and has to answer --version and to find joints in one image of nothing with
-its own weights. Nothing is committed, tagged or sent.
+The wheel, unpacked apart from this checkout, has to state its version and to find no person in two images of a wall by its own
+weights. Nothing is committed, tagged or sent.
 """
 
 import argparse
@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.errors import InputError
+from kpopnet.evaluation.report import write_text
 from kpopnet.runtime.endings import user_errors
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -35,6 +36,7 @@ PLACES = {
 CHECKLIST = """
 {wheel} is ready. Left to do:
 [ ] read git diff, and the section {version} of CHANGELOG.md as somebody who has the version before
+[ ] the last column of kpopnet's row in docs/compare.md
 [ ] make test lint, in a fresh clone; make fuzz kill; make speed, for what README promises
 [ ] git commit -am "Release {version}"; git tag -s v{version}; git push --follow-tags
 [ ] a release v{version} at the repository's host with that section, {wheel} and kpopnet.cdx.json
@@ -74,20 +76,19 @@ def _numbers(version: str) -> list[int]:
 
 
 def try_wheel(wheel: Path, version: str) -> None:
-    """Runs the programs of a wheel, unpacked beside nothing of this checkout; raises CalledProcessError where one fails."""
+    """Runs a wheel that is unpacked apart from this checkout; raises InputError where it does not do what it should."""
     with tempfile.TemporaryDirectory() as folder:
         with zipfile.ZipFile(wheel) as packed:
             packed.extractall(folder)
-        np.save(Path(folder) / "nothing.npy", np.full((2, 120, 160), 2000, np.uint16))
-        program = [sys.executable, "-c", "from kpopnet.cli import main; main()"]
+        np.save(Path(folder) / "wall.npy", np.full((2, 120, 160), 2000, np.uint16))
+        program = "import kpopnet as k; print(k.__file__, k.__version__, flush=True); from kpopnet.cli import main; main()"
         environment = os.environ | {"PYTHONPATH": folder, "PYTHONSAFEPATH": "1"}
-        told = subprocess.run([*program, "--version"], cwd=folder, env=environment, capture_output=True, text=True, check=True)
-        if told.stdout.split()[-1] != version:
-            raise InputError(f"{wheel}: it says {told.stdout.strip()}, expected {version}")
-        words = ["predict", "nothing.npy", "--fov", "60", "--fps", "30", "--out", "found"]
-        found = subprocess.run([*program, *words], cwd=folder, env=environment, capture_output=True, text=True, check=False)
-        if "no person" not in found.stdout + found.stderr:
-            raise InputError(f"{wheel}: predict said {(found.stdout + found.stderr).strip()[-300:]}")
+        words = [sys.executable, "-c", program, "predict", "wall.npy", "--fov", "60", "--fps", "30", "--out", "found"]
+        done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+        said = f"{done.stdout}{done.stderr}".strip()
+        expected = f"{Path(folder).resolve() / 'kpopnet' / '__init__.py'} {version}\n"
+        if not done.stdout.startswith(expected) or "no person" not in said:
+            raise InputError(f"{wheel}: expected {version} and no person found, it said {said[-300:]}")
 
 
 @user_errors
@@ -96,23 +97,12 @@ def main() -> None:
     parser.add_argument("version")
     version = parser.parse_args().version
     if subprocess.run(["git", "status", "--porcelain"], cwd=ROOT, capture_output=True, text=True, check=True).stdout:
-        raise InputError("the checkout has changes; commit them first")
+        raise InputError("the checkout has changes; commit them, or after a release that failed: git checkout .")
     texts = {name: (ROOT / name).read_text(encoding="utf-8") for name in (*PLACES, "CHANGELOG.md")}
     for name, text in released(texts, version, date.today()).items():
-        (ROOT / name).write_text(text, encoding="utf-8")
-    build = [
-        sys.executable,
-        "-m",
-        "pip",
-        "wheel",
-        "--disable-pip-version-check",
-        "--quiet",
-        "--no-deps",
-        "--wheel-dir",
-        "dist",
-        ".",
-    ]
-    subprocess.run(build, cwd=ROOT, check=True)
+        write_text(ROOT / name, text)
+    build = "-m pip wheel --disable-pip-version-check --quiet --no-deps --wheel-dir dist ."
+    subprocess.run([sys.executable, *build.split()], cwd=ROOT, check=True)
     wheel = Path("dist") / f"kpopnet-{version}-py3-none-any.whl"
     try_wheel(ROOT / wheel, version)
     print(CHECKLIST.format(wheel=wheel, version=version))
