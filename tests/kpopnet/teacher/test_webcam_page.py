@@ -1,7 +1,9 @@
 """A webcam as a learner's eye in a real browser: a film of a SIMULATED learner is its camera, and joints reach the scorer."""
 
 import logging
+import socket
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -43,6 +45,15 @@ WebSocket.prototype.send = function (text) {{
 }};
 """
 """Notes the number of the film's frame from which the points of each message were found."""
+
+LEAVE = """
+const [outside, done] = arguments, refused = [];
+document.addEventListener("securitypolicyviolation", ({ effectiveDirective }) => refused.push(effectiveDirective));
+const sent = fetch(outside, { mode: "no-cors" }).then(() => "sent", () => "not sent");
+const thread = fetch("/page/pose_worker.js").then(({ headers }) => headers.get("Content-Security-Policy"));
+Promise.all([sent, thread]).then(([sent, thread]) => setTimeout(() => done([sent, refused, thread]), 100));
+"""
+"""Tries to send something to another server: whether it was, what refused it, and the policy of MediaPipe's thread."""
 
 
 @pytest.fixture
@@ -113,15 +124,17 @@ def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(librar
         time.sleep(1)
         assert len(heard) <= asked_after + 1  # a lesson that ends lets go of the webcam
         assert browser.find_element(By.ID, "error").text == ""
+        with closing(socket.create_server(("127.0.0.1", 0))) as other:
+            left, refused, policy = browser.execute_async_script(LEAVE, f"http://127.0.0.1:{other.getsockname()[1]}/")
+        assert (left, refused) == ("not sent", ["connect-src"])
+        assert "default-src 'none'" in policy and "connect-src 'self'" in policy and "script-src 'self'" in policy
         record_dance(browser, offering)
     recorded = library.dance("own_001")
     library.path("own_001").unlink()
     assert recorded.about.own and recorded.about.name == "Mine" and recorded.about.bpm == 90 and recorded.about.seconds >= 5
     head_m, foot_m = recorded.joints_m[:, Joint.HEAD], recorded.joints_m[:, Joint.RIGHT_FOOT]
     assert np.nanmedian(foot_m[:, 1] - head_m[:, 1]) > 1  # y is down: a person stands there
-    assert loaded and all(
-        name.startswith(offering) for name in loaded
-    )  # the thread's are not in it: the safety policy holds it
+    assert loaded and all(name.startswith(offering) for name in loaded)
     assert all(any(f"{end} HTTP" in line for line in caplog.messages) for end in (".wasm", ".tflite", ".binarypb", ".data"))
     errors_m = []
     for stamp, seen in zip(stamps, heard, strict=False):
