@@ -142,8 +142,9 @@ def differences(found: Any, expected: Any) -> str:
     if isinstance(found, dict) and isinstance(expected, dict):
         names = sorted(name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name))
         return ", ".join(f"{name}: {differences(found.get(name), expected.get(name))}" for name in names)
-    if isinstance(found, list) and isinstance(expected, list) and {*found} != {*expected}:
-        return f"too many: {sorted({*found} - {*expected})}, missing: {sorted({*expected} - {*found})}"
+    if isinstance(found, list) and isinstance(expected, list):
+        more, fewer = ([one for one in a if one not in b] for a, b in ((found, expected), (expected, found)))
+        return f"too many: {str(more)[:200]}, missing: {str(fewer)[:200]}"
     return f"{str(found)[:60]} against {str(expected)[:60]}"
 
 
