@@ -125,29 +125,10 @@ def spread_rad(joints_m: np.ndarray, frames: int) -> np.ndarray:
     return np.where(minimum_filter1d(known.astype(np.int8), frames) > 0, spread, np.nan)
 
 
-def valleys(values: np.ndarray, depth: float) -> np.ndarray:
-    """Indices, increasing, of the minima of (T,) values from which there is no way down without climbing `depth` first.
-
-    Of a level bottom the middle counts; the ends are no minima. It is `scipy.signal.find_peaks(-values, prominence=depth)`,
-    without the third of a second that the import of scipy.signal takes every program that scores.
-    """
-    first = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)  # where each level stretch begins
-    turns = np.sign(np.diff(values[first]))
-    turning = np.flatnonzero(np.diff(turns, prepend=np.nan, append=np.nan) != 0)  # and of these the extrema
-    levels, last = values[first[turning]], np.append(first[1:], len(values))[turning] - 1
-    deep = []
-    for k in range(1, len(levels) - 1):
-        lower = np.flatnonzero(levels < levels[k])
-        split = np.searchsorted(lower, k)
-        begin = lower[split - 1] + 1 if split else 0
-        end = lower[split] if split < len(lower) else len(levels)
-        if levels[k] < levels[k - 1] and min(levels[begin:k].max(), levels[k + 1 : end].max()) - levels[k] >= depth:
-            deep.append((first[turning[k]] + last[k]) // 2)
-    return np.array(deep, int)
-
-
 def accents_s(joints_m: np.ndarray) -> np.ndarray:
     """Times in seconds after the first frame at which the limbs of (T, 15, 3) joints move least."""
+    from scipy.signal import find_peaks  # slow to import
+
     if len(joints_m) < 2:
         return np.zeros(0)
     directions = limb_directions(joints_m).reshape(len(joints_m), -1)
@@ -157,7 +138,7 @@ def accents_s(joints_m: np.ndarray) -> np.ndarray:
         return np.zeros(0)
     frames = np.arange(len(speed))
     smooth = gaussian_filter1d(np.interp(frames, frames[known], speed[known]), ACCENT_SMOOTHING)
-    accents = valleys(smooth, ACCENT_DEPTH * smooth.mean())
+    accents = find_peaks(-smooth, prominence=ACCENT_DEPTH * smooth.mean())[0]
     accents = accents[known[accents] & (accents > 0) & (accents < len(smooth) - 1)]
     before, here, after = smooth[accents - 1], smooth[accents], smooth[accents + 1]
     return (accents + (before - after) / (2 * np.maximum(before + after - 2 * here, 1e-9))) / FPS

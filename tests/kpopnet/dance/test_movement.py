@@ -6,10 +6,8 @@ import dance_learners as made
 import numpy as np
 import pytest
 from dance_people import dance_joints_m, noisy, performed
-from scipy.signal import find_peaks
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.dimensions.movement import valleys
 from kpopnet.dance.scoring import score_dance
 from kpopnet.skeleton import Joint
 from synth.motion.choreography.composer import tempo_bpm
@@ -35,15 +33,6 @@ def test_smaller_movements_cost_amplitude_and_energy_and_softer_ones_sharpness(r
     assert small[0]["amplitude"] > 99.9 and small[1]["sharpness"] > 97 and small[2]["sharpness"] > 95
     soft = [scored(made.softened(teacher_m, one), 0.0, teacher_m).dynamics.figures for one in (0.001, 0.1, 0.3)]
     assert all(more["sharpness"] - less["sharpness"] > 1 for more, less in pairwise(soft)), soft
-
-
-def test_valleys_are_the_prominent_peaks_of_the_negative_values_level_bottoms_and_ends_included():
-    rng = np.random.default_rng(0)
-    for number in range(200):
-        levels, steps = rng.integers(0, 2 + number % 9, 1 + number % 40), rng.normal(size=1 + number % 60)
-        for values in (levels.astype(float), np.cumsum(steps)):
-            for depth in (0.0, 1.0, 3.0):
-                np.testing.assert_array_equal(valleys(values, depth), find_peaks(-values, prominence=depth)[0])
 
 
 def test_lateness_costs_rhythm_and_is_told_in_seconds():
