@@ -20,15 +20,21 @@ main()
 """
 
 
+def unread(program, *words):
+    """Errors and exit code of a program that begins to print when no program reads it any more."""
+    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    with subprocess.Popen(
+        [sys.executable, "-c", program, *words], cwd=ROOT, env=buffered,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    ) as started:  # fmt: skip
+        started.stdout.close()
+        started.stdin.close()
+        return started.stderr.read(), started.wait()
+
+
 @pytest.mark.parametrize("what", ["print('a line')", "for _ in range(10000): print('a line')"])
 def test_output_that_no_program_reads_ends_a_program_without_words(what):
-    with subprocess.Popen(
-        [sys.executable, "-c", PROGRAM.format(what=what)], cwd=ROOT,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    ) as program:  # fmt: skip
-        program.stdout.close()
-        program.stdin.close()
-        assert (program.stderr.read(), program.wait()) == (b"", 141)
+    assert unread(PROGRAM.format(what=what)) == (b"", 141)
 
 
 def test_another_pipe_that_is_broken_is_told():
@@ -39,14 +45,8 @@ def test_another_pipe_that_is_broken_is_told():
 
 @pytest.mark.parametrize("words", [["--help"], ["--version"], ["score", "--help"]])
 def test_help_that_no_program_reads_ends_quietly_too(words):
-    buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    with subprocess.Popen(
-        [sys.executable, "-c", "import sys; sys.stdin.read(); from kpopnet.cli import main; main()", *words],
-        cwd=ROOT, env=buffered, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-    ) as program:  # fmt: skip
-        program.stdout.close()
-        program.stdin.close()
-        assert (program.stderr.read(), program.wait()) == (b"", 141)
+    program = "import sys; sys.stdin.read(); from kpopnet.cli import main; main()"
+    assert unread(program, *words) == (b"", 141)
 
 
 def test_a_program_without_a_console_ends_well():
