@@ -194,7 +194,7 @@ def _resampled(joints, confidence, times, at):
         for i in range(first, stop):
             weight = math.exp(-0.5 * ((times[i] - at[g]) / SMOOTHING_S) ** 2)
             weights += weight
-            for j in range(num_joints):
+            for j in range(num_joints):  # element by element: numba compiles a copy of a row for a second
                 confidence_at[g, j] += weight * confidence[i, j]
         for j in range(num_joints):
             if weights > 0:

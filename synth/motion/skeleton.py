@@ -117,7 +117,7 @@ def _forward_kinematics(quats, root_m, offsets_m, parents, rotated, points):
         for j in range(len(offsets_m)):
             p = parents[j]
             if p < 0:
-                for axis in range(4):
+                for axis in range(4):  # element by element: numba compiles a copy of a row for a second
                     rotated[n, j, axis] = quats[n, j, axis]
                 for axis in range(3):
                     points[n, j, axis] = root_m[n, axis]

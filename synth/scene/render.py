@@ -250,7 +250,7 @@ def _clip(points, face, near, polygon):
         a, b = face[c], face[(c + 1) % 3]
         za, zb = points[a, 2], points[b, 2]
         if za >= near:
-            for axis in range(3):
+            for axis in range(3):  # element by element: numba compiles a copy of a row for a second
                 polygon[count, axis] = points[a, axis]
             count += 1
         if (za >= near) != (zb >= near):

@@ -134,7 +134,7 @@ def walk(image, trees, steps, settling, step, key):
     for joint in ORDER:
         position, total = np.zeros(3), np.zeros(3)
         if START[joint] >= 0:
-            for axis in range(3):
+            for axis in range(3):  # element by element: numba compiles a copy of a row for a second
                 position[axis] = mean[START[joint], axis]
         for number in range(steps):
             leaf = find_leaf(trees, joint, image, position)
