@@ -133,8 +133,8 @@ def seen(path: Path, view: View) -> Film:
 def first_y_pose(depth_m: np.ndarray) -> tuple[int, np.ndarray] | None:
     """The number of the first image with the Y pose, and its joints."""
     for number, image in enumerate(depth_m):
-        if (initial := find_initial_pose(image, CAMERA)) is not None:
-            return number, initial.joints_camera_m
+        if (joints_m := find_initial_pose(image, CAMERA)) is not None:
+            return number, joints_m
     return None
 
 

@@ -51,16 +51,15 @@ def print_y_pose(people: list[Seen]) -> None:
     """Where hands, feet, elbows and knees lie along the limbs found in the image, and how found lengths relate to true ones."""
     found = [(y_pose.find_initial_pose(depth_m, camera), camera, joints_m) for depth_m, camera, joints_m in people]
     accepted = [(pose, camera, joints_m) for pose, camera, joints_m in found if pose is not None]
-    error_m = np.array([np.linalg.norm(pose.joints_camera_m - joints_m, axis=1) for pose, _, joints_m in accepted])
+    error_m = np.array([np.linalg.norm(pose - joints_m, axis=1) for pose, _, joints_m in accepted])
     print(f"{len(accepted)} of {len(people)} people accepted, mean error {100 * error_m.mean():.2f} cm; by joint:")
     print("   ", ", ".join(f"{joint.name.lower()} {100 * error_m[:, joint].mean():.1f}" for joint in Joint))
     for name, limbs in (("UPPER_ARM_FRACTION", LIMBS[:2]), ("UPPER_LEG_FRACTION", LIMBS[2:])):
         fractions = [_fraction(camera.project(joints_m)[limb, :2]) for _, camera, joints_m in people for limb in limbs]
         print(f"{name} = {np.mean(fractions):.3f}, standard deviation {np.std(fractions):.3f}")
-    _print_end_radii(
-        [(depth_m, camera, joints_m) for (depth_m, camera, joints_m), one in zip(people, found, strict=True) if one[0]]
-    )
-    _print_regularisation([pose.model for pose, *_ in accepted], [HumanModel.from_joints(joints) for *_, joints in accepted])
+    _print_end_radii([person for person, (pose, *_) in zip(people, found, strict=True) if pose is not None])
+    models = [[HumanModel.from_joints(joints_m) for joints_m in (pose, true_m)] for pose, _, true_m in accepted]
+    _print_regularisation(*map(list, zip(*models, strict=True)))
 
 
 def _fraction(limb_uv: np.ndarray) -> float:
@@ -88,10 +87,10 @@ def _print_end_radii(people: list[Seen]) -> None:
     y_pose.HAND_RADIUS_M, y_pose.FOOT_RADIUS_M = shipped
 
 
-def _along_m(pose: y_pose.InitialPose, joints_m: np.ndarray, limb: np.ndarray) -> float:
+def _along_m(found_m: np.ndarray, joints_m: np.ndarray, limb: np.ndarray) -> float:
     """How far the found end of a limb lies beyond the true one along the true lower limb, metres."""
     lower = joints_m[limb[2]] - joints_m[limb[1]]
-    return (pose.joints_camera_m[limb[2]] - joints_m[limb[2]]) @ lower / np.linalg.norm(lower)
+    return (found_m[limb[2]] - joints_m[limb[2]]) @ lower / np.linalg.norm(lower)
 
 
 def _print_regularisation(measured: list[HumanModel], true: list[HumanModel]) -> None:

@@ -1,7 +1,7 @@
 """The human model (section 2.3): lengths and angles of one person, constant while the person is tracked."""
 
 import json
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +11,28 @@ from kpopnet.estimator import complete_joints
 from kpopnet.runtime.input_files import read_json, settings_from
 from kpopnet.skeleton import PAPER_JOINTS, Joint
 
-LIMB_PARENTS = {
-    Joint.RIGHT_ELBOW: Joint.RIGHT_SHOULDER,
-    Joint.LEFT_ELBOW: Joint.LEFT_SHOULDER,
-    Joint.RIGHT_HAND: Joint.RIGHT_ELBOW,
-    Joint.LEFT_HAND: Joint.LEFT_ELBOW,
-    Joint.RIGHT_KNEE: Joint.RIGHT_HIP,
-    Joint.LEFT_KNEE: Joint.LEFT_HIP,
-    Joint.RIGHT_FOOT: Joint.RIGHT_KNEE,
-    Joint.LEFT_FOOT: Joint.LEFT_KNEE,
+DISTANCES = {
+    "shoulder_to_shoulder_m": (Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER),
+    "head_to_torso_m": (Joint.HEAD, Joint.TORSO),
+    "left_shoulder_to_torso_m": (Joint.LEFT_SHOULDER, Joint.TORSO),
+    "right_shoulder_to_torso_m": (Joint.RIGHT_SHOULDER, Joint.TORSO),
+    "left_shoulder_to_left_hip_m": (Joint.LEFT_SHOULDER, Joint.LEFT_HIP),
+    "left_shoulder_to_right_hip_m": (Joint.LEFT_SHOULDER, Joint.RIGHT_HIP),
+    "right_shoulder_to_left_hip_m": (Joint.RIGHT_SHOULDER, Joint.LEFT_HIP),
+    "right_shoulder_to_right_hip_m": (Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP),
+    "right_upper_arm_m": (Joint.RIGHT_ELBOW, Joint.RIGHT_SHOULDER),
+    "left_upper_arm_m": (Joint.LEFT_ELBOW, Joint.LEFT_SHOULDER),
+    "right_lower_arm_m": (Joint.RIGHT_HAND, Joint.RIGHT_ELBOW),
+    "left_lower_arm_m": (Joint.LEFT_HAND, Joint.LEFT_ELBOW),
+    "right_upper_leg_m": (Joint.RIGHT_KNEE, Joint.RIGHT_HIP),
+    "left_upper_leg_m": (Joint.LEFT_KNEE, Joint.LEFT_HIP),
+    "right_lower_leg_m": (Joint.RIGHT_FOOT, Joint.RIGHT_KNEE),
+    "left_lower_leg_m": (Joint.LEFT_FOOT, Joint.LEFT_KNEE),
 }
+"""The model's distances between two joints."""
+
+LIMB_FIELDS = tuple(name for name in DISTANCES if name.endswith(("arm_m", "leg_m")))
+LIMB_PARENTS = dict(DISTANCES[name] for name in LIMB_FIELDS)
 """The limb joints J_k of Eq. (9) and their parents J_p, parents first."""
 
 Y_POSE_ARMS_RAISED = 0.7
@@ -69,7 +81,7 @@ class HumanModel:
     @property
     def limb_m(self) -> dict[Joint, float]:
         """l_k of Eq. (9): the length in metres from each limb joint to its parent, in the order of `LIMB_PARENTS`."""
-        return dict(zip(LIMB_PARENTS, (getattr(self, name) for name in LIMB_FIELDS), strict=True))
+        return {DISTANCES[name][0]: getattr(self, name) for name in LIMB_FIELDS}
 
     @classmethod
     def from_joints(cls, joints_m: np.ndarray) -> "HumanModel":
@@ -79,24 +91,19 @@ class HumanModel:
         """
         joints = complete_joints(joints_m, "human model", PAPER_JOINTS)
         head, torso = joints[Joint.HEAD], joints[Joint.TORSO]
-        left_shoulder, right_shoulder = joints[Joint.LEFT_SHOULDER], joints[Joint.RIGHT_SHOULDER]
-        left_hip, right_hip = joints[Joint.LEFT_HIP], joints[Joint.RIGHT_HIP]
+        left, right = joints[Joint.LEFT_SHOULDER], joints[Joint.RIGHT_SHOULDER]
         return cls(
-            distance_to_line(head, left_shoulder, right_shoulder),
-            _distance(left_shoulder, right_shoulder),
-            _distance(head, torso),
-            _distance(left_shoulder, torso),
-            _distance(right_shoulder, torso),
-            distance_to_line(torso, left_hip, right_hip),
-            _distance(left_shoulder, left_hip),
-            _distance(left_shoulder, right_hip),
-            _distance(right_shoulder, left_hip),
-            _distance(right_shoulder, right_hip),
-            _angle(head - torso, left_shoulder - torso),
-            _angle(head - torso, right_shoulder - torso),
-            *(_distance(joints[child], joints[parent]) for child, parent in LIMB_PARENTS.items()),
+            **{name: float(np.linalg.norm(joints[a] - joints[b])) for name, (a, b) in DISTANCES.items()},
+            head_to_shoulder_line_m=_distance_to_line(head, left, right),
+            torso_to_hip_line_m=_distance_to_line(torso, joints[Joint.LEFT_HIP], joints[Joint.RIGHT_HIP]),
+            left_shoulder_angle_rad=_angle(head - torso, left - torso),
+            right_shoulder_angle_rad=_angle(head - torso, right - torso),
             arms_raised=_arms_raised(joints),
         )
+
+    def scaled(self, size: float) -> "HumanModel":
+        """The model of a person of the same proportions, this many times as large."""
+        return self._with({(name,): size * getattr(self, name) for name in asdict(self) if name.endswith("_m")})
 
     def regularised(self) -> "HumanModel":
         """The model with lengths equal on both sides and drawn to the mean proportions of people of the same size.
@@ -147,8 +154,6 @@ _REGULARISATION = {
 measured lengths, in the Y pose. Non-negative least squares over the initial models of 215 simulated people in the Y pose
 (split train); `tools/tracker_constants.py y_pose` prints them again."""
 
-LIMB_FIELDS = tuple(field.name for field in fields(HumanModel) if field.name.endswith(("arm_m", "leg_m")))
-
 
 def _arms_raised(joints: np.ndarray) -> float:
     """Mean cosine between both upper arms and the direction from the hips to the shoulders; 0 where a length is zero."""
@@ -160,17 +165,13 @@ def _arms_raised(joints: np.ndarray) -> float:
     return float(np.clip(cosines, -1, 1).mean())  # rounding may exceed them
 
 
-def distance_to_line(point: np.ndarray, line_a: np.ndarray, line_b: np.ndarray) -> float:
+def _distance_to_line(point: np.ndarray, line_a: np.ndarray, line_b: np.ndarray) -> float:
     """Distance in metres of a (3,) point from the line through two others; its distance to line_a if the two are equal."""
     direction = line_b - line_a
     length = np.linalg.norm(direction)
     if length == 0:
-        return _distance(point, line_a)
+        return float(np.linalg.norm(point - line_a))
     return float(np.linalg.norm(np.cross(direction, point - line_a)) / length)
-
-
-def _distance(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.linalg.norm(a - b))
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> float:

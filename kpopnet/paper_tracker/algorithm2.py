@@ -23,7 +23,7 @@ from kpopnet.camera import Camera
 from kpopnet.geometry.body import NECK_FRACTION
 from kpopnet.geometry.cones import distance
 from kpopnet.geometry.depth_grid import cell_points, geodesic_distances, neighbour_graph
-from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
+from kpopnet.geometry.human_model import LIMB_PARENTS
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
 HEAD, TORSO = int(Joint.HEAD), int(Joint.TORSO)
@@ -63,15 +63,6 @@ class Frame(NamedTuple):
     edges_m: np.ndarray  # (N, 8) lengths of the ways to them
 
 
-class Structure(NamedTuple):
-    """The initial human model (section 2.3) of one person as arrays."""
-
-    distance_m: np.ndarray  # (15, 15) the model's distance between two joints in metres, 0 where it has none
-    head_to_shoulder_line_m: float  # l_H⊥S
-    torso_to_hip_line_m: float  # l_T⊥P
-    depth_m: np.ndarray  # (15,) how deep each joint lies under the surface along the viewing ray, metres
-
-
 class State(NamedTuple):
     """What one frame leaves to the next."""
 
@@ -86,7 +77,10 @@ class Plan(NamedTuple):
     predicted: np.ndarray  # (15, 3) where the joints are expected, metres
     radius_m: np.ndarray  # (15,) r_j of Eqs. (4) and (12)
     on_ridge: np.ndarray  # (15,) whether a joint's candidates are ridge data, and raw depth only where these are insufficient
-    structure: Structure  # lengths of the person
+    distance_m: np.ndarray  # (15, 15) the initial human model's distance between two joints (section 2.3), 0 where it has none
+    head_to_shoulder_line_m: float  # l_H⊥S
+    torso_to_hip_line_m: float  # l_T⊥P
+    depth_m: np.ndarray  # (15,) how deep each joint lies under the surface along the viewing ray, metres
     epsilon_m: float  # epsilon_j of Eqs. (5) to (9)
     straightness: float  # epsilon_L of Eq. (9)
     sufficient: int  # least number of valid candidates
@@ -134,27 +128,9 @@ def _pixel_points(rows, columns, depth, intrinsics, index):
     return points, cell
 
 
-def structure_of(model: HumanModel) -> Structure:
-    """The structure of a person with these lengths; its joints lie on the surface."""
-    distance_m = np.zeros((NUM_JOINTS, NUM_JOINTS))
-    lengths = {(joint, LIMB_PARENTS[joint]): length_m for joint, length_m in model.limb_m.items()} | {
-        (HEAD, TORSO): model.head_to_torso_m,
-        (RIGHT_SHOULDER, LEFT_SHOULDER): model.shoulder_to_shoulder_m,
-        (RIGHT_SHOULDER, TORSO): model.right_shoulder_to_torso_m,
-        (LEFT_SHOULDER, TORSO): model.left_shoulder_to_torso_m,
-        (RIGHT_SHOULDER, RIGHT_HIP): model.right_shoulder_to_right_hip_m,
-        (RIGHT_SHOULDER, LEFT_HIP): model.right_shoulder_to_left_hip_m,
-        (LEFT_SHOULDER, RIGHT_HIP): model.left_shoulder_to_right_hip_m,
-        (LEFT_SHOULDER, LEFT_HIP): model.left_shoulder_to_left_hip_m,
-    }
-    for (a, b), length_m in lengths.items():
-        distance_m[a, b] = distance_m[b, a] = length_m
-    return Structure(distance_m, model.head_to_shoulder_line_m, model.torso_to_hip_line_m, np.zeros(NUM_JOINTS))
-
-
 @njit(cache=True)
 def collect(joint, points, cell, geodesics_m, joints, plan):
-    """Steps 2 and 3: the points within the search radius, `Structure.depth_m` inside, and those that keep the joint's rule.
+    """Steps 2 and 3: the points within the search radius, `Plan.depth_m` inside, and those that keep the joint's rule.
 
     Of (P, 3) ridge data or raw depth on the surface in cells (P,), with (N,) ways to these from the joint's parent, metres, and
     (15, 3) estimated or predicted joints.
@@ -162,7 +138,7 @@ def collect(joint, points, cell, geodesics_m, joints, plan):
     total, count, x = np.zeros(3), 0, np.empty(3)
     centre, radius_m = plan.predicted[joint], plan.radius_m[joint]
     near, valid = np.zeros(len(points), np.bool_), np.zeros(len(points), np.bool_)
-    depth_m = plan.structure.depth_m[joint]
+    depth_m = plan.depth_m[joint]
     reach = (radius_m + depth_m) ** 2
     for i in range(len(points)):
         surface_x, surface_y, surface_z = points[i, 0], points[i, 1], points[i, 2]
@@ -243,7 +219,7 @@ def perpendicular(x, opposite, point):
 @njit(cache=True)
 def _as_far(x, joint, other, joints, plan):
     """Whether candidate x of a joint is as far from another joint as the model says."""
-    return abs(distance(x, joints[other]) - plan.structure.distance_m[joint, other]) <= plan.epsilon_m
+    return abs(distance(x, joints[other]) - plan.distance_m[joint, other]) <= plan.epsilon_m
 
 
 @njit(cache=True)
@@ -253,17 +229,16 @@ def is_valid(x, geodesic_m, joint, joints, plan):
     `geodesic_m` is D_G of Eq. (10) from the joint's parent to it, metres, any number for joints without a parent; `joints` are
     (15, 3) estimated joints, predicted ones where none is estimated yet.
     """
-    structure, epsilon_m = plan.structure, plan.epsilon_m
     if joint == HEAD:
         # Eq. (5)
         return _as_far(x, HEAD, TORSO, joints, plan)
     if joint in (RIGHT_SHOULDER, LEFT_SHOULDER):
-        if structure.distance_m[joint, HEAD] > 0 and not _as_far(x, joint, HEAD, joints, plan):
-            return False  # a repair: as printed the structure has no such distance
+        if plan.distance_m[joint, HEAD] > 0 and not _as_far(x, joint, HEAD, joints, plan):
+            return False  # a repair: as printed the model has no such distance
         # Eq. (6)
         opposite = RIGHT_SHOULDER + LEFT_SHOULDER - joint
         line_m = perpendicular(x, joints[opposite], joints[HEAD])
-        return _as_far(x, joint, opposite, joints, plan) and abs(line_m - structure.head_to_shoulder_line_m) <= epsilon_m
+        return _as_far(x, joint, opposite, joints, plan) and abs(line_m - plan.head_to_shoulder_line_m) <= plan.epsilon_m
     parent = PARENTS[joint]
     if parent >= 0:
         # Eq. (10)
@@ -277,7 +252,7 @@ def is_valid(x, geodesic_m, joint, joints, plan):
         return _as_far(x, TORSO, HEAD, joints, plan)
     # Eq. (8)
     line_m = perpendicular(x, joints[RIGHT_HIP + LEFT_HIP - joint], joints[TORSO])
-    return abs(line_m - structure.torso_to_hip_line_m) <= epsilon_m
+    return abs(line_m - plan.torso_to_hip_line_m) <= plan.epsilon_m
 
 
 @njit(cache=True)
@@ -297,5 +272,5 @@ def geodesics_to(limb, frame, joints, plan):
             nearest, least = i, here
     if nearest >= 0:
         source[nearest] = True
-    farthest_m = (plan.structure.distance_m[limb, PARENTS[limb]] + plan.epsilon_m) / max(plan.straightness, 1e-9)
+    farthest_m = (plan.distance_m[limb, PARENTS[limb]] + plan.epsilon_m) / max(plan.straightness, 1e-9)
     return geodesic_distances(frame.neighbours, frame.edges_m, source, farthest_m)[0]

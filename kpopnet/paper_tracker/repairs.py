@@ -21,7 +21,6 @@ from kpopnet.paper_tracker.algorithm2 import (
     TRUNK,
     Plan,
     State,
-    Structure,
 )
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
@@ -41,7 +40,8 @@ SUFFICIENT = 3
 
 def repaired(printed: Plan, state: State, model: HumanModel) -> Plan:
     """The plan with every repair, after `state`, for the person of the model; raw depth is sampled once per cell."""
-    body, structure = body_from_model(model), _with_head_to_shoulders(printed.structure, model)
+    body, distance_m = body_from_model(model), _with_head_to_shoulders(printed.distance_m, model)
+    distance_m, head_to_shoulder_line_m = _with_arms_as_in(state.joints, distance_m, model, body)
     return printed._replace(
         # No velocity in Eq. (3), which feeds the noise of every joint back undamped: 10 points.
         predicted=state.joints.copy(),
@@ -49,8 +49,10 @@ def repaired(printed: Plan, state: State, model: HumanModel) -> Plan:
         radius_m=printed.radius_m * np.where(state.lost > LOST_FRAMES, WIDER, 1.0),
         # Shoulders, hips and elbows have no ridge data of their own, and stray ones suffice: 11 points.
         on_ridge=printed.on_ridge & ~NEAR_TRUNK,
+        distance_m=distance_m,
+        head_to_shoulder_line_m=head_to_shoulder_line_m,
         # Joints lie inside the body, candidates on its surface: each is moved along its ray before any distance is measured.
-        structure=_with_arms_as_in(structure, model, body, state.joints)._replace(depth_m=joint_depth_m(body.radii_m)),
+        depth_m=joint_depth_m(body.radii_m),
         sufficient=SUFFICIENT,
         # A joint without candidates moves with its parent, the trunk's joints with the head.
         lost=CARRIED,
@@ -68,12 +70,12 @@ def joint_depth_m(radii_m: np.ndarray) -> np.ndarray:
     return depth_m
 
 
-def _with_head_to_shoulders(structure: Structure, model: HumanModel) -> Structure:
-    """The structure with the distances from head to shoulders, by the model's angles, which no equation uses: 31 points.
+def _with_head_to_shoulders(distance_m: np.ndarray, model: HumanModel) -> np.ndarray:
+    """(15, 15) distances with those from head to shoulders, by the model's angles, which no equation uses: 31 points.
 
     Without them both shoulders may slide along their line in Eq. (6).
     """
-    distance_m = structure.distance_m.copy()
+    distance_m = distance_m.copy()
     for shoulder, to_torso_m, angle_rad in (
         (RIGHT_SHOULDER, model.right_shoulder_to_torso_m, model.right_shoulder_angle_rad),
         (LEFT_SHOULDER, model.left_shoulder_to_torso_m, model.left_shoulder_angle_rad),
@@ -81,17 +83,17 @@ def _with_head_to_shoulders(structure: Structure, model: HumanModel) -> Structur
         a_m, b_m = model.head_to_torso_m, to_torso_m
         opposite_m = math.sqrt(a_m**2 + b_m**2 - 2 * a_m * b_m * math.cos(angle_rad))
         distance_m[HEAD, shoulder] = distance_m[shoulder, HEAD] = opposite_m
-    return structure._replace(distance_m=distance_m)
+    return distance_m
 
 
-def _with_arms_as_in(structure: Structure, model: HumanModel, body: Body, joints_m: np.ndarray) -> Structure:
-    """The structure with its shoulders as high as the arms of (15, 3) joints are raised: 4 points.
+def _with_arms_as_in(joints_m: np.ndarray, distance_m: np.ndarray, model: HumanModel, body: Body) -> tuple[np.ndarray, float]:
+    """(15, 15) distances and l_H⊥S with shoulders as high as the arms of (15, 3) joints are raised: 4 points.
 
     Arms lift the shoulders by 5 cm in the Y pose. The distances of the shoulders to torso and hips change as those of simulated
     dancers (kpopnet.geometry.body); what the line of the shoulders goes up it comes nearer to the head.
     """
     up = joints_m[RIGHT_SHOULDER] + joints_m[LEFT_SHOULDER] - joints_m[RIGHT_HIP] - joints_m[LEFT_HIP]
-    distance_m, rise_m = structure.distance_m.copy(), np.zeros(2)
+    distance_m, rise_m = distance_m.copy(), np.zeros(2)
     for (a, b), arm, gain_m in zip(body.pairs, body.elevating_arm, body.elevation_gain_m, strict=True):
         if arm < 0:
             continue
@@ -103,9 +105,9 @@ def _with_arms_as_in(structure: Structure, model: HumanModel, body: Body, joints
             distance_m[b, a] += change_m
         if TORSO in (a, b):
             rise_m[arm] = change_m
-    line_m = structure.head_to_shoulder_line_m
+    line_m = model.head_to_shoulder_line_m
     for shoulder in (RIGHT_SHOULDER, LEFT_SHOULDER):
         nearer_m = line_m - rise_m[shoulder - RIGHT_SHOULDER]
         squared = distance_m[HEAD, shoulder] ** 2 - line_m**2 + nearer_m**2
         distance_m[HEAD, shoulder] = distance_m[shoulder, HEAD] = math.sqrt(max(squared, 0.0))
-    return structure._replace(distance_m=distance_m, head_to_shoulder_line_m=line_m - rise_m.mean())
+    return distance_m, line_m - rise_m.mean()

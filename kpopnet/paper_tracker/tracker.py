@@ -14,8 +14,8 @@ from scipy.special import expit
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import InputError, check_one_of
 from kpopnet.estimator import Estimate, Start, complete_joints, track_sequence
-from kpopnet.geometry.human_model import HumanModel
-from kpopnet.paper_tracker.algorithm2 import Frame, Plan, State, Structure, frame_of, structure_of, track_frame
+from kpopnet.geometry.human_model import DISTANCES, HumanModel
+from kpopnet.paper_tracker.algorithm2 import Frame, Plan, State, frame_of, track_frame
 from kpopnet.paper_tracker.repairs import EPSILON_R, repaired
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import NUM_JOINTS, PAPER_JOINTS
@@ -91,7 +91,6 @@ class PaperTracker:
 
     Attributes:
         model: the person's lengths, None before the start unless given; `HumanModel.save` stores it for later recordings.
-        structure: the model for the kernels; None before the start.
         state: the last pose, its velocity, and for how long each joint has been lost; None before the start.
         evidence: (15, 3) what the confidence of the last pose was computed from; None before the start.
     """
@@ -101,7 +100,6 @@ class PaperTracker:
     ) -> None:
         """Prepares a tracker; the model of a known person is used instead of the one measured at the start."""
         self.camera, self.config, self.model, self._known, self._inside = camera, config, model, model, False
-        self.structure: Structure | None = None
         self.state: State | None = None
         self.evidence: np.ndarray | None = None
 
@@ -121,7 +119,6 @@ class PaperTracker:
 
     def _start(self, joints: np.ndarray) -> None:
         self.model = self._known or HumanModel.from_joints(joints)
-        self.structure = structure_of(self.model)
         self.state = State(joints, np.zeros_like(joints), np.zeros(NUM_JOINTS, np.int64))
 
     def track(self, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -146,26 +143,31 @@ class PaperTracker:
 
     def plan(self) -> Plan:
         """What Algorithm 2 goes by in the next frame."""
-        config = self.config
+        config, model, distance_m = self.config, self.model, np.zeros((NUM_JOINTS, NUM_JOINTS))
+        for name, (a, b) in DISTANCES.items():
+            distance_m[a, b] = distance_m[b, a] = getattr(model, name)
         printed = Plan(
             predicted=self.state.joints + self.state.velocity,  # Eq. (3)
             radius_m=np.full(NUM_JOINTS, config.r_m),
             on_ridge=np.full(NUM_JOINTS, config.candidates == "ridge"),
-            structure=self.structure,
+            distance_m=distance_m,
+            head_to_shoulder_line_m=model.head_to_shoulder_line_m,
+            torso_to_hip_line_m=model.torso_to_hip_line_m,
+            depth_m=np.zeros(NUM_JOINTS),  # joints lie on the surface
             epsilon_m=config.epsilon_m,
             straightness=config.straightness,
             sufficient=config.sufficient,
             lost=LOST.index(config.lost),
         )
-        return repaired(printed, self.state, self.model) if config.repaired else printed
+        return repaired(printed, self.state, model) if config.repaired else printed
 
     def _find_start(self, depth_m: np.ndarray) -> bool:
         """Starts if the frame shows the Y pose, unless it waits for a label; returns whether the tracker has started."""
         if self.config.start == "label":
             return False
-        initial = find_initial_pose(depth_m, self.camera)
-        if initial is not None:
-            self.start(initial.joints_camera_m)
+        joints_m = find_initial_pose(depth_m, self.camera)
+        if joints_m is not None:
+            self.start(joints_m)
         return self.started
 
 

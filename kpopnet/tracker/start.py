@@ -5,14 +5,12 @@ standing and sitting, in several headings, and fitted to the depth. The pose tha
 enough; the lengths of the person are known only roughly then.
 """
 
-from dataclasses import asdict
-
 import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
-from kpopnet.geometry.body import body_from_model, planar_pose
+from kpopnet.geometry.body import LIMBS, body_from_model, planar_pose
 from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import Joint
@@ -92,8 +90,8 @@ def find_start(
 ) -> FoundStart | None:
     """A pose to start from in an (H, W) float32 depth image of the person, metres, or None; `start` is a key of `WAYS`."""
     ways = WAYS[start]
-    if "y_pose" in ways and (initial := find_initial_pose(depth_m, camera)) is not None:
-        return initial.joints_camera_m, initial.model.regularised()
+    if "y_pose" in ways and (joints_m := find_initial_pose(depth_m, camera)) is not None:
+        return joints_m, HumanModel.from_joints(joints_m).regularised()
     if "detector" in ways and detector is not None and (found := _detected(depth_m, camera, detector)) is not None:
         return found
     return find_upright(grid, tuple(way for way in ways if way in ("standing", "sitting")))
@@ -135,9 +133,7 @@ def _people(height_m: float) -> list[tuple[str, HumanModel, np.ndarray]]:
     """
     people = []
     if STANDING_HEIGHT_RANGE_M[0] <= height_m <= STANDING_HEIGHT_RANGE_M[1]:
-        size = float(np.clip(height_m / AVERAGE_HEIGHT_M, *SIZE_RANGE))
-        lengths = {name: value * size if name.endswith("_m") else value for name, value in asdict(AVERAGE_MODEL).items()}
-        model = HumanModel(**lengths)
+        model = AVERAGE_MODEL.scaled(float(np.clip(height_m / AVERAGE_HEIGHT_M, *SIZE_RANGE)))
         people.append(("standing", model, planar_pose(model)))
     if SITTING_HEIGHT_RANGE_M[0] <= height_m <= SITTING_HEIGHT_RANGE_M[1]:
         people.append(("sitting", AVERAGE_MODEL, sitting_pose(AVERAGE_MODEL)))
@@ -147,17 +143,11 @@ def _people(height_m: float) -> list[tuple[str, HumanModel, np.ndarray]]:
 
 def sitting_pose(model: HumanModel) -> np.ndarray:
     """(15, 3) metres: a person who sits facing the camera, hands on the thighs, the middle of the shoulders at the origin."""
-    pose = planar_pose(model)
-    limb = model.limb_m
-    for side in ("RIGHT", "LEFT"):
-        at = {name: Joint[f"{side}_{name}"] for name in ("SHOULDER", "ELBOW", "HAND", "HIP", "KNEE", "FOOT")}
-        for parent, child, direction in (
-            ("SHOULDER", "ELBOW", (0, 0.95, -0.31)),
-            ("ELBOW", "HAND", (0, 0.45, -0.89)),
-            ("HIP", "KNEE", (0, 0.1, -0.995)),
-            ("KNEE", "FOOT", (0, 1, 0)),
-        ):
-            pose[at[child]] = pose[at[parent]] + np.multiply(direction, limb[at[child]])
+    pose, limb_m = planar_pose(model), model.limb_m
+    arms, legs = ((0, 0.95, -0.31), (0, 0.45, -0.89)), ((0, 0.1, -0.995), (0, 1, 0))
+    for (root, middle, end), (upper, lower) in zip(LIMBS, (arms, arms, legs, legs), strict=True):
+        pose[middle] = pose[root] + np.multiply(upper, limb_m[middle])
+        pose[end] = pose[middle] + np.multiply(lower, limb_m[end])
     return pose
 
 

@@ -51,6 +51,10 @@ one line."""
 KMEANS_STEPS = 20
 
 
+class NotYPose(Exception):  # noqa: N818 - not an error: most frames show another pose
+    """The frame does not show the Y pose; the message says why."""
+
+
 class Box(NamedTuple):
     """Pixels from (x0, y0) to (x1, y1), the latter exclusive."""
 
@@ -79,7 +83,7 @@ def torso_rectangle(person: np.ndarray) -> Box:
     across the arms' roots finds the upper edge of the shoulders. The result is the largest rectangle below that row; it locates
     the shoulders' height with half the error of the largest rectangle of all.
     """
-    largest = maximal_rectangle(person)
+    largest = Box(*_maximal_rectangle(person))
     if largest.height == 0:
         return largest
     runs = np.array([_run_through(person[y], int(largest.middle_u)) for y in range(largest.y1)])
@@ -87,18 +91,15 @@ def torso_rectangle(person: np.ndarray) -> Box:
     top = largest.y0 + int(np.argmax(upper))
     while top > 0 and runs[top - 1] >= SHOULDER_WIDTH_RATIO * upper.max():
         top -= 1
-    below = maximal_rectangle(person[top:])
+    below = Box(*_maximal_rectangle(person[top:]))
     return Box(below.x0, top, below.x1, top + below.y1)
-
-
-def maximal_rectangle(person: np.ndarray) -> Box:
-    """The largest rectangle inside an (H, W) bool silhouette; all 0 if that is empty."""
-    return Box(*_maximal_rectangle(np.ascontiguousarray(person)))
 
 
 @njit(cache=True)
 def _maximal_rectangle(person):
-    """Column-wise scanning counts the connected person pixels upwards from every pixel. Row-wise scanning finds for every row
+    """The `Box` of the largest rectangle inside an (H, W) bool silhouette; all 0 if that is empty.
+
+    Column-wise scanning counts the connected person pixels upwards from every pixel. Row-wise scanning finds for every row
     the rectangle of the largest area that stands on it and fits below these counts.
     """
     height, width = person.shape
@@ -150,24 +151,20 @@ def torso_parts(torso: Box) -> dict[Joint, Box]:
     return parts
 
 
-def mean_pixel(mask: np.ndarray, part: Box) -> np.ndarray | None:
-    """(2,) mean u, v of the mask's pixels within a part; None if there are none."""
-    v, u = np.nonzero(mask[part.pixels])
-    return np.array([u.mean() + part.x0, v.mean() + part.y0]) if len(v) else None
-
-
 def head_candidates(ridge: np.ndarray, torso: Box, radius_px: float) -> np.ndarray:
     """(N, 2) u, v of the modes of mean shift, with a flat kernel of this radius, over the (H, W) bool ridge data above the
-    torso; those with the most ridge data first.
+    torso; those with the most ridge data first. Raises NotYPose if there are none.
     """
     v, u = np.nonzero(ridge[: torso.y0])
     above = np.abs(u - torso.middle_u) < HEAD_SEARCH_WIDTH * torso.height
     points = np.stack([u, v], axis=1)[above].astype(float)
-    modes = points[:: -(-len(points) // MEAN_SHIFT_STARTS) or 1]
+    if not len(points):
+        raise NotYPose("no head is visible above the torso")
+    modes = points[:: -(-len(points) // MEAN_SHIFT_STARTS)]
     for _ in range(MEAN_SHIFT_STEPS):
         within = _within(modes, points, radius_px)
         shifted = within @ points / np.maximum(within.sum(1, keepdims=True), 1)
-        moved_px = np.abs(shifted - modes).max(initial=0)
+        moved_px = np.abs(shifted - modes).max()
         modes = shifted
         if moved_px < CONVERGED_PX:
             break
@@ -180,47 +177,36 @@ def _within(centres: np.ndarray, points: np.ndarray, radius_px: float) -> np.nda
     return (((centres[:, None] - points) ** 2).sum(-1) <= radius_px**2).astype(float)
 
 
-class Limb(NamedTuple):
-    """One arm or leg in the image."""
-
-    crossed: bool  # whether its dominant lines intersect where a limb can bend; if not, the limb counts as straight
-    middle: np.ndarray  # (2,) u, v of elbow or knee
-    end: np.ndarray  # (2,) u, v of hand or foot
-    tip: np.ndarray  # (2,) u, v of the silhouette's farthest pixel
-
-
 def find_limb(
     person: np.ndarray, ridge: np.ndarray, box: Box, root: np.ndarray, end_px: float, upper_fraction: float
-) -> Limb | None:
-    """Finds middle and end of a limb from its root, (2,) u, v of shoulder or hip; None if its box contains too little of it.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(2,) u, v each of a limb's middle, its end, and the silhouette's pixel farthest from the root, shoulder or hip.
 
+    Raises NotYPose if the box contains too little of the limb.
     The end is the mean of the ridge data within `end_px` pixels of the tip. The lines of a straight limb are almost parallel
     and their intersection is ill-conditioned: its middle is the mean of the ridge data around the point at `upper_fraction` of
     the way from root to end.
     """
     silhouette, ridge_data = _pixels(person, box), _pixels(ridge, box)
     if not len(silhouette) or not len(ridge_data):
-        return None
+        raise NotYPose("nothing is visible where the Y pose has the limb")
     tip = silhouette[np.argmax(np.linalg.norm(silhouette - root, axis=1))]
     end = _mean_around(tip, ridge_data, end_px)
     if end is None:
         end = _mean_around(tip, silhouette, end_px)
     if np.linalg.norm(end - root) < end_px:
-        return None
+        raise NotYPose("the limb is too short")
     origin = (root + end) / 2
     lines, votes = hough_lines(ridge_data - origin, end - root)
     first, second = dominant_lines(lines, votes, np.linalg.norm(end - root) / 2)
-    middle, crossed = root + upper_fraction * (end - root), False
     if abs(first[0] - second[0]) > MIN_BEND_RAD:
         crossing = intersection(first, second) + origin
         fraction = (crossing - root) @ (end - root) / ((end - root) @ (end - root))
-        crossed = bool(MIDDLE_RANGE[0] < fraction < MIDDLE_RANGE[1])
-    if crossed:
-        middle = crossing
-    else:
-        on_ridge = _mean_around(middle, ridge_data, end_px / 2)
-        middle = middle if on_ridge is None else on_ridge
-    return Limb(crossed, middle, end, tip)
+        if MIDDLE_RANGE[0] < fraction < MIDDLE_RANGE[1]:
+            return crossing, end, tip
+    middle = root + upper_fraction * (end - root)
+    on_ridge = _mean_around(middle, ridge_data, end_px / 2)
+    return middle if on_ridge is None else on_ridge, end, tip
 
 
 def hough_lines(points: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

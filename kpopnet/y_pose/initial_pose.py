@@ -7,23 +7,19 @@ paper an operator marks the frame ("semi-automatic"). Here joints are estimated 
 the result is rejected unless it is a human body in that pose. A tracker waits for the first accepted frame.
 """
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.geometry.human_model import HumanModel
+from kpopnet.geometry.body import LIMBS
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import BONES, JOINT_NAMES, NUM_JOINTS, Joint
 from kpopnet.y_pose.image import (
     HEAD_RADIUS_M,
     Box,
-    Limb,
+    NotYPose,
     find_limb,
     head_candidates,
-    mean_pixel,
     torso_parts,
     torso_rectangle,
 )
@@ -44,24 +40,11 @@ UPPER_ARM_FRACTION, UPPER_LEG_FRACTION = 0.465, 0.45
 """Position of the elbow from the shoulder (0) to the palm (1), and of the knee from the hip (0) to the instep (1): means of
 simulated people (split train) that the same program prints; standard deviation 0.027."""
 
-
 SQUARE = 0.02
 """Pixels whose height differs by no more than this share from their width are taken for square, as all lengths below are."""
 
 
-class NotYPose(Exception):  # noqa: N818 - not an error: most frames show another pose
-    """The frame does not show the Y pose; the message tells the person what to correct."""
-
-
-class InitialPose(NamedTuple):
-    """A person in the Y pose."""
-
-    joints_camera_m: np.ndarray  # (15, 3) float64 metres in the camera frame
-    model: HumanModel  # their lengths and angles
-    limbs: dict[Joint, Limb]  # arms and legs by the joint at their end
-
-
-def find_initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose | None:
+def find_initial_pose(depth_m: np.ndarray, camera: Camera) -> np.ndarray | None:
     """The `initial_pose` if the frame shows a person in the Y pose, else None."""
     try:
         return initial_pose(depth_m, camera)
@@ -69,84 +52,58 @@ def find_initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose | None
         return None
 
 
-def initial_pose(depth_m: np.ndarray, camera: Camera) -> InitialPose:
-    """Estimates the initial pose of a person in the Y pose from (H, W) float32 metres of them alone, 0 elsewhere, which may be
-    cropped around them, and the camera of exactly these pixels. Raises NotYPose, with the reason, for any other pose.
+def initial_pose(depth_m: np.ndarray, camera: Camera) -> np.ndarray:
+    """(15, 3) float64 joints, metres, camera frame, of a person in the Y pose.
+
+    From (H, W) float32 metres of them alone, 0 elsewhere, which may be cropped around them, and the camera of exactly these
+    pixels. Raises NotYPose, with the reason, for any other pose.
     """
-    if abs(camera.fy / camera.fx - 1) > SQUARE:
-        return _with_square_pixels(depth_m, camera)
+    if abs(camera.fy / camera.fx - 1) > SQUARE:  # the rows taken again, as many as make pixels as high as wide
+        height = round(camera.height * camera.fx / camera.fy)
+        rows = ((np.arange(height) + 0.5) * (camera.height / height)).astype(int)
+        return initial_pose(np.ascontiguousarray(depth_m[rows]), camera.resized(camera.width, height))
     person_m, person = person_silhouette(depth_m, camera.fx)
     torso = torso_rectangle(person)
     torso_m = person_m[torso.pixels][person[torso.pixels]]
     if not len(torso_m):
         raise NotYPose("no person is visible")
     px_per_m = camera.fx / float(np.median(torso_m))
-    if not TORSO_HEIGHT_RANGE_M[0] <= torso.height / px_per_m <= TORSO_HEIGHT_RANGE_M[1]:
-        raise NotYPose(f"{torso.height / px_per_m:.2f} m from shoulders to crotch: legs closed, or not upright")
+    _require("from shoulders to crotch, metres", torso.height / px_per_m, *TORSO_HEIGHT_RANGE_M)
     ridge = ridge_data(person_m, RidgeConfig())
     uv = np.full((NUM_JOINTS, 2), np.nan)
 
     for joint, part in torso_parts(torso).items():
-        uv[joint] = _visible(mean_pixel(person, part), joint)
-    heads = head_candidates(ridge, torso, HEAD_RADIUS_M * px_per_m)
-    uv[Joint.HEAD] = _visible(heads[0] if len(heads) else None, Joint.HEAD)
-    limbs = {}
-    for box, (root, middle, end), end_m, upper_fraction in _limb_boxes(torso, uv, person.shape):
-        limb = _visible(find_limb(person, ridge, box, uv[root], end_m * px_per_m, upper_fraction), end)
-        if limb.tip.min() < 1 or (limb.tip > (camera.width - 2, camera.height - 2)).any():
-            raise NotYPose(f"the {_label(end)} is at the image's edge and may extend beyond it")
-        uv[middle], uv[end], limbs[end] = limb.middle, limb.end, limb
+        v, u = np.nonzero(person[part.pixels])
+        if not len(v):
+            raise NotYPose(f"the {JOINT_NAMES[joint]} is not visible where the Y pose has it")
+        uv[joint] = u.mean() + part.x0, v.mean() + part.y0
+    uv[Joint.HEAD] = head_candidates(ridge, torso, HEAD_RADIUS_M * px_per_m)[0]
+    tips = []
+    for limb, (root, middle, end) in enumerate(LIMBS):
+        end_m, upper = (HAND_RADIUS_M, UPPER_ARM_FRACTION) if limb < 2 else (FOOT_RADIUS_M, UPPER_LEG_FRACTION)
+        box = _limb_box(limb, torso, uv[root, 0], person.shape)
+        uv[middle], uv[end], tip = find_limb(person, ridge, box, uv[root], end_m * px_per_m, upper)
+        if tip.min() < 1 or (tip > (camera.width - 2, camera.height - 2)).any():
+            raise NotYPose(f"the {JOINT_NAMES[end]} is at the image's edge and may extend beyond it")
+        tips.append(tip)
 
     joints_camera_m = joints_inside(uv, person_m, camera)
     require_y_pose(joints_camera_m)
     require_explained(person, joints_camera_m, torso, camera)
-    if front_score(person_m, uv, (limbs[Joint.RIGHT_FOOT].tip, limbs[Joint.LEFT_FOOT].tip), camera) < MIN_FRONT_SCORE:
+    if front_score(person_m, uv, tips[2:], camera) < MIN_FRONT_SCORE:
         raise NotYPose("the person shows the back, or front and back cannot be distinguished")
-    return InitialPose(joints_camera_m, HumanModel.from_joints(joints_camera_m), limbs)
+    return joints_camera_m
 
 
-def _with_square_pixels(depth_m: np.ndarray, camera: Camera) -> InitialPose:
-    """The `initial_pose` in the image with its rows taken again, as many as make pixels as high as wide."""
-    height = round(camera.height * camera.fx / camera.fy)
-    scale = camera.height / height
-    rows = ((np.arange(height) + 0.5) * scale).astype(int)
-    found = initial_pose(np.ascontiguousarray(depth_m[rows]), camera.resized(camera.width, height))
-
-    def back(uv: np.ndarray) -> np.ndarray:
-        return np.stack([uv[..., 0], (uv[..., 1] + 0.5) * scale - 0.5], axis=-1)
-
-    limbs = {joint: Limb(one.crossed, *map(back, one[1:])) for joint, one in found.limbs.items()}
-    return found._replace(limbs=limbs)
-
-
-def _limb_boxes(torso: Box, uv: np.ndarray, shape: tuple[int, int]) -> Iterator[tuple[Box, list[Joint], float, float]]:
-    """The limbs of a person who faces the camera: arms beside the shoulders, legs below the torso, right ones at smaller x.
-
-    For each its bounding box, its joints, the radius in metres around the tip that is averaged for the end, and the position of
-    the middle from root (0) to end (1).
-    """
+def _limb_box(limb: int, torso: Box, root_u: float, shape: tuple[int, int]) -> Box:
+    """The bounding box of limb 0 to 3 of a person who faces the camera: arms beside the shoulders, legs below the torso."""
     height, width = shape
-    bottom = torso.y0 + round(ARM_BOX_BOTTOM * torso.height)
-    right_u, left_u = uv[Joint.RIGHT_SHOULDER, 0], uv[Joint.LEFT_SHOULDER, 0]
-    for side, arm_x, leg_x in (
-        ("RIGHT", (0, int(np.ceil(right_u))), (0, int(np.floor(torso.middle_u)) + 1)),
-        ("LEFT", (int(np.floor(left_u)) + 1, width), (int(np.ceil(torso.middle_u)), width)),
-    ):
-        arm = [Joint[f"{side}_{name}"] for name in ("SHOULDER", "ELBOW", "HAND")]
-        yield Box(arm_x[0], 0, arm_x[1], bottom), arm, HAND_RADIUS_M, UPPER_ARM_FRACTION
-        leg = [Joint[f"{side}_{name}"] for name in ("HIP", "KNEE", "FOOT")]
-        yield Box(leg_x[0], torso.y1, leg_x[1], height), leg, FOOT_RADIUS_M, UPPER_LEG_FRACTION
-
-
-def _visible(found, joint: Joint):
-    """What was found of a joint in the image. Raises NotYPose if it is None."""
-    if found is None:
-        raise NotYPose(f"the {_label(joint)} is not visible where the Y pose has it")
-    return found
-
-
-def _label(joint: Joint) -> str:
-    return joint.name.lower().replace("_", " ")
+    is_arm, is_right = limb < 2, limb % 2 == 0
+    u = root_u if is_arm else torso.middle_u
+    # A whole column u in the middle is in both legs' boxes, that of a shoulder in no arm's. Right limbs are at smaller x.
+    x = int(np.ceil(u)) if is_arm == is_right else int(np.floor(u)) + 1
+    y0, y1 = (0, torso.y0 + round(ARM_BOX_BOTTOM * torso.height)) if is_arm else (torso.y1, height)
+    return Box(0, y0, x, y1) if is_right else Box(x, y0, width, y1)
 
 
 # Depth: one closed silhouette, and joints inside the body.
@@ -263,8 +220,6 @@ LIMB_THICKNESS_M, SHOULDER_THICKNESS_M = 0.17, 0.39
 """Line thickness of the drawn skeleton in metres: by the joint at the end of the bone, for other bones, and for the bones from
 neck and torso to shoulders and hips."""
 
-LIMBS = {"arm": (("shoulder", "elbow", "hand"), ARM_RANGE), "leg": (("hip", "knee", "foot"), LEG_RANGE)}
-
 ARM_ELEVATION_DEG, BEND_DEG, FORWARD_DEG = (15.0, 78.0), 38.0, 33.0
 LEG_SPREAD_DEG, TURNED_DEG, TILT_DEG = (6.0, 70.0), 32.0, 45.0
 """Limits of the Y pose in degrees, for estimated joints: a few degrees wider than for true ones. The arms' angle above
@@ -273,60 +228,38 @@ plane; the angle between the legs; the largest heading away from the camera; the
 vertical, to which the camera's tilt adds."""
 
 
-class BodyAxes(NamedTuple):
-    """(3,) unit vectors from the hips up, to the person's left and front, and the length from hips to shoulders, metres."""
-
-    up: np.ndarray
-    left: np.ndarray
-    front: np.ndarray
-    torso_m: float
-
-
 def require_y_pose(joints_camera_m: np.ndarray) -> None:
     """Raises NotYPose where (15, 3) joints have an angle outside the limits, or a length outside the range of human bodies."""
     joints = joints_camera_m
-    axes = body_axes(joints)
-    _require("torso, metres", axes.torso_m, *TORSO_RANGE_M)
-    shoulders = (joints[Joint.RIGHT_SHOULDER] + joints[Joint.LEFT_SHOULDER]) / 2
-    head = (joints[Joint.HEAD] - shoulders) / axes.torso_m
-    _require("head above the shoulders, in torsos", head @ axes.up, *HEAD_HEIGHT_RANGE)
-    _require("head beside the torso, in torsos", head @ axes.left, -MAX_HEAD_OFFSET, MAX_HEAD_OFFSET)
-    _require("tilt, degrees", _angle_deg(axes.up, np.array([0, -1, 0])), 0, TILT_DEG)
-    # About the vertical, away from facing the camera, positive to the person's left
-    heading = np.arctan2(axes.front[0], -axes.front[2]) - np.arctan2(-joints[Joint.TORSO, 0], joints[Joint.TORSO, 2])
-    _require("heading, degrees", np.degrees((heading + np.pi) % (2 * np.pi) - np.pi), -TURNED_DEG, TURNED_DEG)
-    spread_deg, lengths = 0.0, {}
-    for side, outwards in (("right", -axes.left), ("left", axes.left)):
-        for name, (parts, length_range) in LIMBS.items():
-            root, middle, end = (joints[JOINT_NAMES.index(f"{side}_{part}")] for part in parts)
-            limb = end - root
-            forward_deg = 90 - _angle_deg(limb, axes.front)
-            _require(f"{side} {name} forward, degrees", forward_deg, -FORWARD_DEG, FORWARD_DEG)
-            _require(f"bend of the {side} {parts[1]}, degrees", _angle_deg(middle - root, end - middle), 0, BEND_DEG)
-            raised_deg = np.degrees(np.arctan2(limb @ axes.up, limb @ outwards))
-            if name == "arm":
-                _require(f"{side} arm above level, degrees", raised_deg, *ARM_ELEVATION_DEG)
-            else:
-                spread_deg += 90 + raised_deg
-            lengths[side, name] = np.linalg.norm(middle - root) + np.linalg.norm(end - middle)
-            _require(f"{side} {name}, in torsos", lengths[side, name] / axes.torso_m, *length_range)
-    _require("angle between the legs, degrees", spread_deg, *LEG_SPREAD_DEG)
-    for name in ("arm", "leg"):
-        _require(
-            f"right {name}, in left {name}s", lengths["right", name] / lengths["left", name], 1 / MAX_SIDE_RATIO, MAX_SIDE_RATIO
-        )
-
-
-def body_axes(joints_camera_m: np.ndarray) -> BodyAxes:
-    """The axes of a body from the shoulders and hips of (15, 3) joints."""
-    right = joints_camera_m[[Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP]]
-    left = joints_camera_m[[Joint.LEFT_SHOULDER, Joint.LEFT_HIP]]
-    shoulders, hips = (right + left) / 2
+    rights, lefts = joints[[Joint.RIGHT_SHOULDER, Joint.RIGHT_HIP]], joints[[Joint.LEFT_SHOULDER, Joint.LEFT_HIP]]
+    shoulders, hips = (rights + lefts) / 2
     torso_m = float(np.linalg.norm(shoulders - hips))
-    up = _unit(shoulders - hips)
-    across = (left - right).mean(axis=0)
-    across = _unit(across - (across @ up) * up)
-    return BodyAxes(up, across, np.cross(across, up), torso_m)
+    # The axes of the body: from the hips up, to the person's left and front
+    up, across = _unit(shoulders - hips), (lefts - rights).mean(axis=0)
+    left = _unit(across - (across @ up) * up)
+    front = np.cross(left, up)
+    _require("torso, metres", torso_m, *TORSO_RANGE_M)
+    head = (joints[Joint.HEAD] - shoulders) / torso_m
+    _require("head above the shoulders, in torsos", head @ up, *HEAD_HEIGHT_RANGE)
+    _require("head beside the torso, in torsos", head @ left, -MAX_HEAD_OFFSET, MAX_HEAD_OFFSET)
+    _require("tilt, degrees", _angle_deg(up, np.array([0, -1, 0])), 0, TILT_DEG)
+    # About the vertical, away from facing the camera, positive to the person's left
+    heading = np.arctan2(front[0], -front[2]) - np.arctan2(-joints[Joint.TORSO, 0], joints[Joint.TORSO, 2])
+    _require("heading, degrees", np.degrees((heading + np.pi) % (2 * np.pi) - np.pi), -TURNED_DEG, TURNED_DEG)
+    raised_deg, lengths_m = np.empty(4), np.empty(4)
+    names = "right arm", "left arm", "right leg", "left leg"
+    for limb, (name, (root, middle, end)) in enumerate(zip(names, joints[LIMBS], strict=True)):
+        _require(f"{name} forward, degrees", 90 - _angle_deg(end - root, front), -FORWARD_DEG, FORWARD_DEG)
+        _require(f"bend of the {name}, degrees", _angle_deg(middle - root, end - middle), 0, BEND_DEG)
+        outwards = left if limb % 2 else -left
+        raised_deg[limb] = np.degrees(np.arctan2((end - root) @ up, (end - root) @ outwards))
+        if limb < 2:
+            _require(f"{name} above level, degrees", raised_deg[limb], *ARM_ELEVATION_DEG)
+        lengths_m[limb] = np.linalg.norm(middle - root) + np.linalg.norm(end - middle)
+        _require(f"{name}, in torsos", lengths_m[limb] / torso_m, *(ARM_RANGE if limb < 2 else LEG_RANGE))
+    _require("angle between the legs, degrees", sum(90 + raised_deg[2:]), *LEG_SPREAD_DEG)
+    for name, ratio in zip(("arm", "leg"), lengths_m[::2] / lengths_m[1::2], strict=True):
+        _require(f"right {name}, in left {name}s", ratio, 1 / MAX_SIDE_RATIO, MAX_SIDE_RATIO)
 
 
 def _angle_deg(a: np.ndarray, b: np.ndarray) -> float:
@@ -383,7 +316,7 @@ PROFILE_BANDS = (
 """Start, end (torso lengths below the shoulders) and weight of bands of the profile. Nape and feet vary twice as much."""
 
 
-def front_score(person_m: np.ndarray, uv: np.ndarray, tips: tuple[np.ndarray, np.ndarray], camera: Camera) -> float:
+def front_score(person_m: np.ndarray, uv: np.ndarray, tips: list[np.ndarray], camera: Camera) -> float:
     """Scores which side of the person is seen: positive for the front, negative for the back, whose silhouette is the same.
 
     The depth along the body from head to toes is compared with a straight line fitted to it. From the front, chin and toes are
@@ -396,7 +329,7 @@ def front_score(person_m: np.ndarray, uv: np.ndarray, tips: tuple[np.ndarray, np
     radius_px = surface_radius_px(person_m, camera)
     trunk_m = [surface_m(person_m, shoulders + fraction * (hips - shoulders), radius_px) for fraction in TRUNK_SAMPLES]
     legs_m = []
-    for hip, knee, tip in ((Joint.RIGHT_HIP, Joint.RIGHT_KNEE, tips[0]), (Joint.LEFT_HIP, Joint.LEFT_KNEE, tips[1])):
+    for (hip, knee, _), tip in zip(LIMBS[2:], tips, strict=True):
         polyline = np.stack([uv[hip], uv[knee], tip])
         points = np.stack([np.interp(LEG_SAMPLES, (0, 0.5, 1), polyline[:, axis]) for axis in (0, 1)], axis=1)
         legs_m.append([surface_m(person_m, point, radius_px) for point in points])
