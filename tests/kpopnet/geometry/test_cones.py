@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from cone_people import cone_joints, moved, person  # noqa: F401
 
+from kpopnet.geometry import cones
 from kpopnet.geometry.body import (
     LEFT_FINGERS,
     LEFT_TOES,
@@ -14,15 +15,7 @@ from kpopnet.geometry.body import (
     ROW_TO_JOINT,
     TRUNK_POINT_JOINTS,
 )
-from kpopnet.geometry.cones import (
-    FINGERS_M,
-    TOES_DOWN_M,
-    TOES_M,
-    body_segments,
-    extend_joints,
-    nearest_parts,
-    signed_distance,
-)
+from kpopnet.geometry.cones import body_segments, extend_joints, nearest_parts, signed_distance
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
 NOWHERE = np.zeros((6, 3))
@@ -59,10 +52,10 @@ def test_fingers_extend_the_forearm_and_toes_point_forwards() -> None:
     hands, fingers = [Joint.RIGHT_HAND, Joint.LEFT_HAND], [RIGHT_FINGERS, LEFT_FINGERS]
     forearms = joints[hands] - joints[[Joint.RIGHT_ELBOW, Joint.LEFT_ELBOW]]
     forearms /= np.linalg.norm(forearms, axis=1, keepdims=True)
-    np.testing.assert_allclose(rows[fingers] - joints[hands], FINGERS_M * forearms, atol=1e-8)
+    np.testing.assert_allclose(rows[fingers] - joints[hands], cones.FINGERS_M * forearms, atol=1e-8)
     # A person who faces the camera has toes at smaller z.
     feet, toes = [Joint.RIGHT_FOOT, Joint.LEFT_FOOT], [RIGHT_TOES, LEFT_TOES]
-    np.testing.assert_allclose(rows[toes] - joints[feet], [(0, TOES_DOWN_M, -TOES_M)] * 2, atol=0.015)
+    np.testing.assert_allclose(rows[toes] - joints[feet], [(0, cones.TOES_DOWN_M, -cones.TOES_M)] * 2, atol=0.015)
     assert ROW_TO_JOINT[[*toes, *fingers]].tolist() == [*feet, *hands]
 
 

@@ -5,7 +5,6 @@ import pytest
 from extraction_scenes import CAMERA, compose, iou, noisy, room, shifted, standing
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
 from kpopnet.human import Human
 from kpopnet.paper_extraction import PaperExtractor
 
@@ -89,8 +88,3 @@ def test_an_empty_image_shows_no_person_and_leaves_the_next_its_identities():
     assert not found[12] and not found[13]
     assert {human.identity for humans in found for human in humans} == {0}
     assert iou(mask(found[-1][0]), people[-1] > 0) > 0.95
-
-
-def test_images_of_another_size_are_refused():
-    with pytest.raises(InputError, match="161x120"):
-        PaperExtractor(CAMERA).extract(np.zeros((120, 161), np.float32))

@@ -8,10 +8,7 @@ from y_people import y_joints
 
 from kpopnet.camera import CAMERAS
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
-from kpopnet.paper_tracker.algorithm2 import (
-    Plan,
-    is_valid,
-)
+from kpopnet.paper_tracker.algorithm2 import Plan, is_valid
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig
 from kpopnet.skeleton import PAPER_JOINTS, Joint
 

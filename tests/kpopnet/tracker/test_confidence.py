@@ -4,14 +4,8 @@ import numpy as np
 from cone_people import cone_joints, seen
 
 from kpopnet.skeleton import Joint
-from kpopnet.tracker.confidence import (
-    REFINED_WEIGHTS,
-    TRACKED_WEIGHTS,
-    fit_score,
-    probability,
-    refined_evidence,
-    tracked_evidence,
-)
+from kpopnet.tracker import confidence
+from kpopnet.tracker.confidence import fit_score, probability, refined_evidence, tracked_evidence
 
 
 def test_the_score_falls_with_distance_with_a_misplaced_hand_and_without_points() -> None:
@@ -34,9 +28,9 @@ def test_better_evidence_gives_more_confidence() -> None:
     low, high = np.full(15, 0.3), np.full(15, 0.9)
     others = high.copy()
     others[0] = 0.3
-    worst, lone, best = (probability(tracked_evidence(score), TRACKED_WEIGHTS)[0] for score in (low, others, high))
+    worst, lone, best = (probability(tracked_evidence(score), confidence.TRACKED_WEIGHTS)[0] for score in (low, others, high))
     assert 0 < worst < lone < best < 1
     still, moved = np.zeros(15), np.full(15, 0.1)
     given = (high, high, still), (low, high, still), (high, low, still), (high, high, moved)
-    best, *worse = (probability(refined_evidence(*one), REFINED_WEIGHTS)[0] for one in given)
+    best, *worse = (probability(refined_evidence(*one), confidence.REFINED_WEIGHTS)[0] for one in given)
     assert all(one < best for one in worse)

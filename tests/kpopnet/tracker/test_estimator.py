@@ -65,9 +65,3 @@ def test_a_saved_model_is_read(film, tmp_path) -> None:
     assert error_m(estimator.estimate(depth, CAMERA, Start(0, joints[0])).joints_camera_m, joints).mean() < 0.03
     with pytest.raises(InputError, match=r"missing\.json"):
         TrackerEstimator(TrackerEstimatorConfig(model=str(tmp_path / "missing.json")))
-
-
-def test_images_of_another_shape_or_size_are_refused() -> None:
-    for depth in (EMPTY, np.zeros((1, 24, 32), np.float32)):
-        with pytest.raises(InputError, match="depth sequence"):
-            TrackerEstimator().estimate(depth, CAMERA)

@@ -11,26 +11,16 @@ from kpopnet.estimator import Estimate
 from kpopnet.geometry.body import PART_KIND
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.tracker import refine
-from kpopnet.tracker.body_estimate import (
-    MAX_CORRECTION_M,
-    BodyEstimate,
-    fit_thickness,
-)
+from kpopnet.tracker.body_estimate import MAX_CORRECTION_M, BodyEstimate, fit_thickness
 from kpopnet.tracker.refine import FittedEstimator, compile_refining
 
 CAMERA = CAMERAS["kinect_v1"]
 
 
-class FixedEstimator:
-    """An estimator that returns given joints."""
-
-    name = "fixed"
-
-    def __init__(self, joints_m: np.ndarray, confidence: float = 0.75) -> None:
-        self.detected = Estimate(joints_m.astype(np.float32), np.full(joints_m.shape[:2], confidence, np.float32))
-
-    def estimate(self, depth_m: np.ndarray, camera: object) -> Estimate:
-        return self.detected
+def refined(detected_m: np.ndarray, depth_m: np.ndarray) -> Estimate:
+    """The joints that an estimator gives with a confidence of 0.75, refined."""
+    detected = Estimate(detected_m.astype(np.float32), np.full(detected_m.shape[:2], 0.75, np.float32))
+    return FittedEstimator(Mock(**{"estimate.return_value": detected})).estimate(depth_m, CAMERA)
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +32,10 @@ def film():
 
 def test_refinement_reduces_the_error_and_no_frame_depends_on_a_later_one(film) -> None:
     joints, depth_m, detected = film
-    whole = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
+    whole = refined(detected, depth_m)
     assert error_m(whole.joints_camera_m, joints).mean() < 0.65 * error_m(detected, joints).mean()
     assert whole.joints_camera_m.dtype == whole.confidence.dtype == np.float32
-    part = FittedEstimator(FixedEstimator(detected[:5])).estimate(depth_m[:5], CAMERA)
+    part = refined(detected[:5], depth_m[:5])
     np.testing.assert_array_equal(part.joints_camera_m, whole.joints_camera_m[:5])
     np.testing.assert_array_equal(part.confidence, whole.confidence[:5])
 
@@ -55,7 +45,7 @@ def test_frames_with_missing_joints_or_without_a_person_are_unchanged(film) -> N
     detected, depth_m = detected.astype(np.float32), depth_m.copy()
     detected[2, 5], depth_m[[4, 6]] = np.nan, 0
     depth_m[6, 100, 100] = 2.0
-    found, confidence = FittedEstimator(FixedEstimator(detected)).estimate(depth_m, CAMERA)
+    found, confidence = refined(detected, depth_m)
     np.testing.assert_array_equal(found[[2, 4, 6]], detected[[2, 4, 6]])
     assert (confidence[[2, 4, 6]] == 0.75).all()
     assert (found[[0, 1, 3, 5, 7]] != detected[[0, 1, 3, 5, 7]]).all() and (confidence[[0, 1, 3, 5, 7]] != 0.75).all()

@@ -1,7 +1,5 @@
 """People found upright: posture, heading, size, and what is refused."""
 
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 from cone_people import cone_body, cone_joints, draw_cones
@@ -10,26 +8,20 @@ from y_people import family, simulated
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.geometry.body import body_from_model, planar_pose
 from kpopnet.geometry.depth_grid import build_depth_grid
-from kpopnet.geometry.human_model import HumanModel
 from kpopnet.tracker.start import AVERAGE_MODEL, find_start, find_upright, sitting_pose
 from synth.motion.limbs import hanging_arm, neutral_trunk, stance
 
 CAMERA = CAMERAS["kinect_v1"]
 
 
-def scaled(size: float) -> HumanModel:
-    lengths = asdict(AVERAGE_MODEL)
-    return HumanModel(**{name: value * size if name.endswith("_m") else value for name, value in lengths.items()})
-
-
 def found(joints_m: np.ndarray, size: float = 1.0, camera: Camera = CAMERA):
-    body = body_from_model(scaled(size))
+    body = body_from_model(AVERAGE_MODEL.scaled(size))
     return find_upright(build_depth_grid(draw_cones(joints_m, body, camera), camera))
 
 
 @pytest.mark.parametrize(
     ("joints_m", "size"),
-    [(planar_pose(scaled(size)) + np.array((0.2, -0.5, 3.0)), size) for size in (0.9, 1.1)]
+    [(planar_pose(AVERAGE_MODEL.scaled(size)) + np.array((0.2, -0.5, 3.0)), size) for size in (0.9, 1.1)]
     + [(sitting_pose(AVERAGE_MODEL) + np.array((-0.3, -0.2, 2.7)), 1.0)],
     ids=["small", "tall", "sitting"],
 )
