@@ -10,14 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.bones import (
-    MEAN_ADULT_M,
-    joint_positions,
-    offsets_of,
-    skeleton_points,
-    with_torso,
-    world_rotations,
-)
+from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, joint_positions_m, skeleton_points, with_torso, world_rotations
 from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.runtime.input_files import ArraySchema, expect
 
@@ -52,7 +45,7 @@ def smpl_points(found: Mapping[str, np.ndarray], source: str) -> NamedPoints:
     root_m = found.get("trans", np.zeros((frames, 3)))
     joints = {name: number for number, name in enumerate(_JOINTS)}
     joints, rest_m, parents = with_torso(joints, np.array([MEAN_ADULT_M[name] for name in _JOINTS]), _PARENTS)
-    positions_m = joint_positions(world_rotations(quats, _PARENTS), root_m, offsets_of(rest_m, parents), parents)
+    positions_m = joint_positions_m(world_rotations(quats, _PARENTS), root_m, rest_m, parents)
     if "trans" not in found:  # the place is unknown: joints about the middle of the hips, as in other such files
         positions_m -= positions_m[:, 1:3].mean(axis=1, keepdims=True)
     rate = found.get("mocap_framerate", found.get("mocap_frame_rate"))

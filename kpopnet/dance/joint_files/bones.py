@@ -159,14 +159,15 @@ def world_rotations(quats: np.ndarray, parents: Sequence[int]) -> np.ndarray:
     return rotated
 
 
-def offsets_of(rest: np.ndarray, parents: Sequence[int]) -> np.ndarray:
-    """(J, 3) offsets from the parents of (J, 3) positions at rest; 0 for the root."""
-    return np.array([rest[joint] - rest[parent] if parent >= 0 else 0 * rest[joint] for joint, parent in enumerate(parents)])
+def joint_positions_m(
+    rotated: np.ndarray, root_m: np.ndarray, rest: np.ndarray, parents: Sequence[int], metres: float = 1.0
+) -> np.ndarray:
+    """(T, J, 3) positions from (T, J, 4) world rotations, (T, 3) positions of the root, joint 0, and (J, 3) ones at rest.
 
-
-def joint_positions(rotated: np.ndarray, root: np.ndarray, offsets: np.ndarray, parents: Sequence[int]) -> np.ndarray:
-    """(T, J, 3) positions from (T, J, 4) world rotations, (T, 3) positions of the root, joint 0, and (J, 3) rest offsets."""
-    positions = np.repeat(np.asarray(root, np.float64)[:, None], len(parents), axis=1)
+    Those at rest are in a unit of a number of metres.
+    """
+    positions_m = np.repeat(np.asarray(root_m, np.float64)[:, None], len(parents), axis=1)
     for joint, parent in enumerate(parents[1:], 1):
-        positions[:, joint] = positions[:, parent] + rotate(rotated[:, parent], offsets[joint])
-    return positions
+        offset_m = metres * (rest[joint] - rest[parent])
+        positions_m[:, joint] = positions_m[:, parent] + rotate(rotated[:, parent], offset_m)
+    return positions_m

@@ -18,14 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.joint_files.bones import (
-    find_joints,
-    joint_positions,
-    offsets_of,
-    skeleton_points,
-    with_torso,
-    world_rotations,
-)
+from kpopnet.dance.joint_files.bones import find_joints, joint_positions_m, skeleton_points, with_torso, world_rotations
 from kpopnet.dance.joint_files.bvh import BvhFile, read_bvh
 from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.errors import InputError
@@ -118,19 +111,17 @@ def read_bvh_group(paths: Sequence[Path], fps: float | None = None) -> list[BvhM
             raise InputError(
                 f"{path}: its rest pose stands or faces otherwise than that of {paths[0]}; dancers of a group share one frame"
             )
-    return [_in_unit(motion, metres) for motion in motions]
-
-
-def _in_unit(motion: BvhMotion, metres: float) -> BvhMotion:
-    """A motion whose file is in units of a number of metres."""
-    factor = metres / motion.metres
-    return replace(motion, metres=metres, root_m=factor * motion.root_m, leg_m=factor * motion.leg_m)
+    factors = [metres / motion.metres for motion in motions]
+    return [
+        replace(motion, metres=metres, root_m=factor * motion.root_m, leg_m=factor * motion.leg_m)
+        for motion, factor in zip(motions, factors, strict=True)
+    ]
 
 
 def bvh_points(motion: BvhMotion) -> NamedPoints:
     """The joints of a recorded skeleton by the names of points, metres, y up."""
     found, rest, parents = with_torso(motion.found, motion.rest, motion.parents)
-    positions_m = joint_positions(motion.rotated, motion.root_m, motion.metres * offsets_of(rest, parents), parents)
+    positions_m = joint_positions_m(motion.rotated, motion.root_m, rest, parents, motion.metres)
     return skeleton_points(found, positions_m, fps=motion.fps)
 
 

@@ -21,7 +21,7 @@ from kpopnet.dance.joint_files.points import (
     unit_m,
     with_joint_map,
 )
-from kpopnet.dance.joint_files.tables import TIMES, joint_points, numbers_in, read_csv
+from kpopnet.dance.joint_files.tables import TIMES, joint_points, read_csv
 from kpopnet.dance.joint_files.vmd import read_vmd
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
@@ -125,10 +125,7 @@ def read_strangers_group(paths: Sequence[Path], fps: float | None = None, joint_
 
 
 def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path | None) -> list[dict[str, Any]]:
-    return [
-        {name: getattr(found, name) for name in ("joints_m", "times_s", "confidence", "estimator")}
-        for found in read_performances([path, *others], fps, joint_map)
-    ]
+    return [vars(found) for found in read_performances([path, *others], fps, joint_map)]
 
 
 def _read_npz(path: Path, fps: float | None) -> NamedPoints | Performance:
@@ -172,9 +169,8 @@ def _read_json(path: Path) -> NamedPoints:
     fps = float(content["fps"]) if "fps" in content else None
     if (keypoints := content.get("keypoints3d_optim", content.get("keypoints3d"))) is not None:
         expect(isinstance(keypoints, list) and len(keypoints) > 0, where, "keypoints3d, a list of frames")
-        count = len(COCO_NAMES)
-        points = [_points(frame, count, f"{where}: keypoints3d, frame {number}") for number, frame in enumerate(keypoints)]
-        return NamedPoints(COCO_NAMES, np.array(points), fps=fps)
+        named = [_named(COCO_NAMES, frame, f"{where}: keypoints3d, frame {k}") for k, frame in enumerate(keypoints)]
+        return joint_points(named, fps, where)
     check_fields(where, content, {"frames": list[dict], "joint_names": list[str]}, ["joint_names"])
     expect(len(content["frames"]) > 0, where, "frames, found none")
     world, picture = (
@@ -217,23 +213,22 @@ def _mediapipe_frame(frame: dict, key: str, where: str) -> dict:
     return {"joints": joints} | {time: frame[time] for time in TIMES if time in frame}
 
 
-def _points(value: Any, count: int, where: str) -> list[list[float]]:
-    """A list of `count` points of three numbers or nulls."""
-    expect(isinstance(value, list) and len(value) == count, where, f"a list of {count} points")
-    return [numbers_in(point, (3,), where) for point in value]
+def _named(names: Sequence[str], points: Any, where: str) -> dict[str, Any]:
+    """A frame with "joints" by name, from a list of points in the order of the names."""
+    expect(isinstance(points, list) and len(points) == len(names), where, f"a list of {len(names)} points")
+    return {"joints": dict(zip(names, points, strict=True))}
 
 
 def _azure_points(names: list[str], frames: list[dict], where: str) -> NamedPoints:
     """The recording of the body that is seen most; times count from the first frame."""
-    positions: dict[int, dict[int, list]] = {}  # of each body in each frame where it is seen
+    bodies: dict[int, dict[int, dict]] = {}  # the frames in which each is seen, by number
     for number, frame in enumerate(frames):
         check_fields(f"{where}: frame {number}", frame, {"bodies": list[dict], "timestamp_usec": int})
         for body in frame["bodies"]:
             check_fields(f"{where}: frame {number}", body, {"body_id": int, "joint_positions": list})
-            positions.setdefault(body["body_id"], {})[number] = body["joint_positions"]
-    expect(bool(positions), where, "a body in some frame, found none")
-    points = np.full((len(frames), len(names), 3), np.nan)
-    for number, found in max(positions.values(), key=len).items():
-        points[number] = _points(found, len(names), f"{where}: frame {number}, joint_positions")
-    start = frames[0]["timestamp_usec"]
-    return NamedPoints(names, points, np.array([(frame["timestamp_usec"] - start) / 1e6 for frame in frames]))
+            own = _named(names, body["joint_positions"], f"{where}: frame {number}, joint_positions")
+            bodies.setdefault(body["body_id"], {})[number] = own
+    expect(bool(bodies), where, "a body in some frame, found none")
+    seen, start = max(bodies.values(), key=len), frames[0]["timestamp_usec"]
+    times = [{"time_s": (frame["timestamp_usec"] - start) / 1e6} for frame in frames]
+    return joint_points([seen.get(k, {"joints": {}}) | time for k, time in enumerate(times)], None, where)

@@ -19,7 +19,17 @@ TIMES = {TIME: 1.0, "timestamp_ms": 0.001}
 NUMBERS = ("frame", "frame_index")
 """Names of a frame's number."""
 
+PARTS = ("x", "y", "z", "confidence")
+
 _COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence|visibility)", re.IGNORECASE)
+
+_LONG = {
+    "name": ("name", "landmark", "landmark_name", "joint", "keypoint"),
+    "frame": (*NUMBERS, *TIMES),
+    **{axis: (f"world_{axis}", axis) for axis in "xyz"},  # beside which plain ones are of the picture
+    "confidence": ("confidence", "visibility"),
+}
+"""Columns of a CSV file with a line for each point, by the names that they have, the first of which counts."""
 
 
 def numbers_in(value: Any, lengths: tuple[int, ...], where: str) -> list[float]:
@@ -54,79 +64,53 @@ def read_csv(path: Path) -> NamedPoints:
 
     Or a line for each point: columns x, y, z, the point's name, its frame and the rest. An empty cell is missing.
     """
-    text = read_text(path).removeprefix("\ufeff")  # which spreadsheets write
-    table = csv.reader(io.StringIO(text))
+    table = csv.reader(io.StringIO(read_text(path)))
     with parsing(path, "not a CSV file"):
         header = [word.strip() for word in next(table, [])]
-        rows = [(table.line_num, row) for row in table if row]
+        rows = [(f"{path}, line {table.line_num}", row) for row in table if row]
+    lower = [word.lower() for word in header]
+    wide, long = _wide_places(header), _long_places(lower)
+    expect(bool(wide or long), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
+    expect(bool(rows), str(path), "a line of numbers below the header")
+    for where, row in rows:
+        expect(len(row) == len(header), where, f"{len(header)} cells as in the header, found {len(row)}")
+    times = {time: lower.index(time) for time in TIMES if time in lower}
+    frame_at = long["frame"] if long else next((number for number, word in enumerate(lower) if word in NUMBERS), None)
+    # Frames that have no line are known by the numbers of the others, unless times are stated.
+    numbered = frame_at is not None and not times and all(row[frame_at].strip().isdecimal() for _, row in rows)
+    frames: dict[str, dict] = {}
+    for where, row in rows:
+        of_frame = row[frame_at].strip() if frame_at is not None and (long or numbered) else where
+        frame = frames.setdefault(of_frame, {"joints": {}} | {time: _number(row[at], where) for time, at in times.items()})
+        for name, places in _named(row, long).items() if long else wide.items():
+            expect(name not in frame["joints"], where, f"one line for {name} in a frame; give each person a file of their own")
+            frame["joints"][name] = [_number(row[place], where) for place in places]
+    return joint_points(_with_those_between(frames, path) if numbered else [*frames.values()], None, str(path))
+
+
+def _wide_places(header: list[str]) -> dict[str, list[int]]:
+    """Columns of x, y, z and, if known, confidence of each point of a file with a line for each frame."""
     columns: dict[str, dict[str, int]] = {}
     for number, word in enumerate(header):
         if match := _COLUMN.fullmatch(word):
             columns.setdefault(match[1], {}).setdefault(match[2].lower().replace("visibility", "confidence"), number)
-    parts = ("x", "y", "z", "confidence")
-    places = {
-        name: [own[part] for part in parts if part in own] for name, own in columns.items() if own.keys() >= {"x", "y", "z"}
-    }
-    long_places = _long_places(header)
-    columns_of_points = f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}"
-    expect(bool(places) or long_places is not None, f"{path}, line 1", columns_of_points)
-    expect(bool(rows), str(path), "a line of numbers below the header")
-    for line, row in rows:
-        expect(len(row) == len(header), f"{path}, line {line}", f"{len(header)} cells as in the header, found {len(row)}")
-    if long_places is not None:
-        return _long_points(rows, long_places, path)
-    frames, lower = [], [word.lower() for word in header]
-    for line, row in rows:
-        joints = {name: [_number(row[place], f"{path}, line {line}") for place in own] for name, own in places.items()}
-        times = {time: _number(row[lower.index(time)], f"{path}, line {line}") for time in TIMES if time in lower}
-        frames.append({"joints": joints} | times)
-    number_at = next((number for number, word in enumerate(lower) if word in NUMBERS), None)
-    if number_at is not None and not any(time in lower for time in TIMES):
-        numbers = [row[number_at].strip() for _, row in rows]
-        if all(map(str.isdecimal, numbers)):
-            expect(
-                len(set(numbers)) == len(numbers), str(path), "one line for each frame; give each person a file of their own"
-            )
-            by_number = dict(zip(numbers, frames, strict=True))
-            frames = list(_with_those_between(by_number, path).values())
-    return joint_points(frames, None, str(path))
+    return {name: [own[part] for part in PARTS if part in own] for name, own in columns.items() if own.keys() >= {*"xyz"}}
 
 
-_LONG = {"name": ("name", "landmark", "landmark_name", "joint", "keypoint"), "frame": (*NUMBERS, *TIMES)} | {
-    axis: (f"world_{axis}", axis)
-    for axis in "xyz"  # beside which plain ones are of the picture
-}
-"""Columns of a CSV file with a line for each point, by the names that they have."""
-
-
-def _long_places(header: list[str]) -> dict[str, int] | None:
-    """Where such a file's columns are; None if it is another one."""
-    lower = [word.lower() for word in header]
+def _long_places(lower: list[str]) -> dict[str, int]:
+    """Columns of a file with a line for each point, by _LONG; none of another one."""
     places = {part: lower.index(word) for part, words in _LONG.items() for word in words[::-1] if word in lower}
-    if places.keys() < _LONG.keys():
-        return None
-    extra = {name: lower.index(name) for name in (*TIMES, "visibility", "confidence") if name in lower}
-    return places | extra
+    return places if places.keys() >= {"name", "frame", *"xyz"} else {}
 
 
-def _long_points(rows: list[tuple[int, list[str]]], places: dict[str, int], path: Path) -> NamedPoints:
-    """The points of a file with a line for each; those of a frame follow each other."""
-    frames: dict[str, dict] = {}
-    for line, row in rows:
-        where = f"{path}, line {line}"
-        times = {time: _number(row[places[time]], where) for time in TIMES if time in places}
-        frame = frames.setdefault(row[places["frame"]].strip(), {"joints": {}} | times)
-        parts = [part for part in ("x", "y", "z", "confidence", "visibility") if part in places][:4]
-        name = row[places["name"]].strip()
-        name = MEDIAPIPE_NAMES[int(name)] if name.isdecimal() and int(name) < len(MEDIAPIPE_NAMES) else name
-        expect(name not in frame["joints"], where, f"one line for {name} in a frame; give each person a file of their own")
-        frame["joints"][name] = [_number(row[places[part]], where) for part in parts]
-    if not any(time in places for time in TIMES) and all(number.isdecimal() for number in frames):
-        frames = _with_those_between(frames, path)
-    return joint_points(list(frames.values()), None, str(path))
+def _named(row: list[str], places: dict[str, int]) -> dict[str, list[int]]:
+    """The point of a line: its name, in place of which a number counts MediaPipe's, and its columns."""
+    name = row[places["name"]].strip()
+    name = MEDIAPIPE_NAMES[int(name)] if name.isdecimal() and int(name) < len(MEDIAPIPE_NAMES) else name
+    return {name: [places[part] for part in PARTS if part in places]}
 
 
-def _with_those_between(frames: dict[str, dict], path: Path) -> dict[str, dict]:
+def _with_those_between(frames: dict[str, dict], path: Path) -> list[dict]:
     """Frames by their numbers, with those before and between that have no line, since no person was found in them.
 
     They count from 1, or from 0 if that is there: as a time that is stated does, a number tells when the first person was seen.
@@ -134,7 +118,7 @@ def _with_those_between(frames: dict[str, dict], path: Path) -> dict[str, dict]:
     by_number = {int(number): frame for number, frame in frames.items()}
     first, last = min(*by_number, 1), max(by_number)
     check_budget(path, (last - first + 1) * 33 * 32, f"frames {first} to {last} of 33 points")
-    return {str(number): by_number.get(number, {"joints": {}}) for number in range(first, last + 1)}
+    return [by_number.get(number, {"joints": {}}) for number in range(first, last + 1)]
 
 
 def _number(cell: str, where: str) -> float:

@@ -16,8 +16,7 @@ from scipy.spatial.transform import Rotation
 from kpopnet.dance.joint_files.bones import (
     MEAN_ADULT_M,
     chain,
-    joint_positions,
-    offsets_of,
+    joint_positions_m,
     skeleton_points,
     with_torso,
     world_rotations,
@@ -89,7 +88,7 @@ def read_vmd(path: Path) -> NamedPoints:
             if name in keys:
                 quats[:, bone], places_m[:, bone] = _sampled(keys[name], frames)
         rotated, (found, rest_m, parents) = world_rotations(quats, _PARENTS), with_torso(_FOUND, _rest_m(), _PARENTS)
-        positions_m = joint_positions(rotated, places_m[:, 0], offsets_of(rest_m, parents), parents)
+        positions_m = joint_positions_m(rotated, places_m[:, 0], rest_m, parents)
         for bone, parent in enumerate(_PARENTS[1:], 1):  # by what a bone moves itself, all below it move
             below = [one for one in range(bone, len(parents)) if bone in chain(one, parents)]
             positions_m[:, below] += rotate(rotated[:, parent], places_m[:, bone])[:, None]
