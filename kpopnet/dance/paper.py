@@ -1,16 +1,8 @@
 """The paper's scorer: Eqs. (13) to (15) with the plain norm, matched with the paper's steps wherever a window fits best.
 
-What it adds to the equations, which leave it open (docs/dance_scoring.md says what each addition is worth):
-
-- joints are smoothed over 0.08 s as they are resampled by their time stamps (`kpopnet.dance.performance`);
-- each squared difference of Eq. (14) is weighted by how well both poses determine the angle: an azimuth by the sine of its
-  inclination, without which the azimuth of a hanging arm is noise; differences are wrapped to -pi..pi;
-- the path stays within BAND_S of the same time;
-- "the dot product between the upper and lower base axes" is read as three signed angles between axes that are perpendicular in
-  a straight posture, and second-degree azimuths are measured in a frame that moves along with the limb
-  (`kpopnet.dance.features`);
-- what is missing is left out: missing angles count as the others on average, and a window in which less than half of the
-  matched frames could be compared is excluded.
+docs/dance_scoring.md lists what it adds to the equations, which leave it open, and what each addition is worth. What is missing
+is left out: missing angles count as the others on average, and a window in which less than half of the matched frames could be
+compared is excluded.
 """
 
 import math

@@ -13,14 +13,10 @@ score, as of forecasts (Murphy 1988). What all parts that the teacher does not m
 parts count as much as the teacher moves them. A window in which the teacher stands still, as before the music begins, can be
 copied by standing: it counts in the dance's score as much as the teacher moves (`PartTeacher.movement`).
 
-An estimator's errors make perfect dancing lose similarity too, the more the less confident the estimator is. What it keeps,
-by part and confidence, was learnt on simulated dances (`noise.json`, `tools/measure_noise.py`). The similarities of each part
-are divided by what perfect dancing would keep of that part in the window: the quotient of two means is nearly unbiased, unlike
-the mean of quotients of frames, and a frame of which little is known counts little. Parts are divided before the body's mean is
-taken, or a part that the estimator sees badly would count less than the others, and with it every fault of it. The quotient
-grows with similarity, so the score falls with every fault as it does on true joints. A window may exceed 100; only what is
-shown is limited: to its timing, and to what the learner's steady differences leave (`kpopnet.dance.noise.steady`), for such a
-quotient excuses many faults.
+An estimator's errors are taken out: the similarities of each part are divided by what perfect dancing would keep of that part
+in the window, by its confidence (docs/dance_scoring.md). The quotient of two means is nearly unbiased, unlike the mean of
+quotients of frames. A window may exceed 100; only what is shown is limited: to its timing, and to what the learner's steady
+differences leave (`kpopnet.dance.noise.steady`), for such a quotient excuses many faults.
 """
 
 import math
@@ -50,13 +46,14 @@ from kpopnet.dance.window import (
 from kpopnet.errors import InputError, check_one_of
 from kpopnet.skeleton import NUM_JOINTS
 
-MIRRORINGS = ("false", "true", "auto")
-
 HOP_S = 0.5
 """Time from the start of one window to the next: overlapping windows use all of the dance's transitions."""
 
 CONTEXT_S = 6.0
 """Length of the stretch, up to the window's end, from which the constant delay is estimated (docs/ledger.md, Dance score)."""
+
+_PARTS_OF = part_of_angles(FEATURE)
+"""(D,) number in `PARTS` of each angle's part."""
 
 HOP_FRAMES, CONTEXT_FRAMES = round(HOP_S * FPS), round(CONTEXT_S * FPS)
 
@@ -116,8 +113,8 @@ class PartScorer:
         check_settings(self.alpha, self.beta, self.tau)
         if not abs(self.latency_s) <= 5:
             raise InputError(f"latency_s={self.latency_s}: expected -5 to 5 seconds")
-        for name, known in (("mirrored", MIRRORINGS), ("noise", ("auto", *NOISE))):
-            check_one_of(name, getattr(self, name), known)
+        check_one_of("mirrored", self.mirrored, ("false", "true", "auto"))
+        check_one_of("noise", self.noise, ("auto", *NOISE))
 
     def teacher(self, features: Features) -> "PartTeacher":
         """The teacher's (M, D) features with what windows are compared with."""
@@ -153,17 +150,12 @@ class PartTeacher:
     movement: np.ndarray
     turning: np.ndarray  # (M,) how much of a frame a learner who does not turn would miss, 0..1
 
-    @property
-    def parts(self) -> np.ndarray:
-        """(D,) number in `PARTS` of each angle's part."""
-        return part_of_angles(FEATURE)
-
     def standing_similarity(self, rows: slice) -> float:
         """Mean similarity in 0..1 of standing still in the mean pose of some of the teacher's frames; NaN if unknown."""
         features = self.features.at(rows)
         taught = np.flatnonzero(np.isfinite(features.angles_rad).any(axis=1))
         path = np.stack([np.zeros_like(taught), taught], axis=1)
-        on_path = distances_on_path(path, _standing(features), features, 0, self.parts)
+        on_path = distances_on_path(path, _standing(features), features, 0, _PARTS_OF)
         parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(on_path.squared[:, 1]), np.nan)
         similarity = _of_body(parts, self.turning[rows][taught])
         finite = similarity[np.isfinite(similarity)]
@@ -177,13 +169,13 @@ class PartTeacher:
         window's end: that of the last CONTEXT_S says how much the estimator's errors cost.
         """
         if not learner.confidence.any():
-            return nothing_seen(self.features, self.parts, start)
+            return nothing_seen(self.features, _PARTS_OF, start)
         frames, distances = len(learner.angles_rad), distances[-CONTEXT_FRAMES:]
         expected = constant_delay(distances, CONTEXT_DELAY_PENALTY / FPS)
         path = best_match(distances[-frames:], True, WINDOW_DELAY_PENALTY / FPS, expected)
         if not len(path):
-            return nothing_seen(self.features, self.parts, start)
-        of_parts = [confidence[-CONTEXT_FRAMES:, self.parts == part].min(axis=1) for part in range(len(PARTS))]
+            return nothing_seen(self.features, _PARTS_OF, start)
+        of_parts = [confidence[-CONTEXT_FRAMES:, part == _PARTS_OF].min(axis=1) for part in range(len(PARTS))]
         unsure = doubt(np.stack(of_parts, axis=1))
         score = self._on_path(path, learner, start, unsure)
         # A wrong limb may lead the match astray. Then the other limbs are compared at the constant delay, as if it were unseen.
@@ -201,7 +193,7 @@ class PartTeacher:
         `unsure` (P,) is the `doubt` of the parts.
         """
         offset, noise = start - BAND_FRAMES, known_noise(self.scorer.noise)
-        on_path = path_distances(path, learner, self.features, offset, self.parts, noise.sees_depth)
+        on_path = path_distances(path, learner, self.features, offset, _PARTS_OF, noise.sees_depth)
         shifts, turning = _subframe_shifts(on_path.squared), self.turning[offset + path.sum(axis=1)]
         parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(_squared_at(on_path.squared, shifts)), np.nan)
         # What is unseen stays a loss: the estimator's errors excuse only what is seen.
@@ -213,7 +205,7 @@ class PartTeacher:
         # The mean delay of the pairs changes smoothly with the learner's, unlike that of the middles in Eq. (13).
         delay_s = float(BAND_FRAMES - (path[:, 1] + shifts).mean()) / FPS
         pairs, timing = np.column_stack([body, shown, parts]), 100 * self.scorer.timing(delay_s)
-        return window_score(pairs, on_path, path, self.parts, HOP_FRAMES, delay_s, timing, expected)
+        return window_score(pairs, on_path, path, _PARTS_OF, HOP_FRAMES, delay_s, timing, expected)
 
     def _limited(self, score: WindowScore, path: np.ndarray, learner: Features, start: int, unsure: np.ndarray) -> WindowScore:
         """The score of a window, matched by the path, with what the learner's steady differences leave at most."""

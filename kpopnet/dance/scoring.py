@@ -134,8 +134,10 @@ class DanceScore(NamedTuple):
         middle = ((self.windows.middle_s - self.windows.start_s[0]) * FPS).astype(int)
         return bool(self.is_free[middle].all())
 
-    def beats_s(self, beat_s: float) -> np.ndarray:
-        """(B,) times of the dance's beats, from the seconds of one: its multiples on the teacher's clock."""
+    def beats_s(self, beat_s: float | None) -> np.ndarray | None:
+        """(B,) times of the dance's beats, from the seconds of one: its multiples on the teacher's clock. None without one."""
+        if not beat_s:
+            return None
         first = math.floor(self.windows.start_s[0] / beat_s)
         return beat_s * np.arange(first, math.ceil(self.windows.middle_s[-1] / beat_s) + 4)
 
@@ -149,23 +151,21 @@ class DanceScore(NamedTuple):
         """Amplitude, energy and sharpness of the limbs' movements, likewise."""
         return self._dynamics(~self.is_free)
 
-    def rhythm(self, beats_s: np.ndarray) -> Rhythm | None:
+    def rhythm(self, beats_s: np.ndarray | None) -> Rhythm | None:
         """The learner's accents against beats at (B,) seconds on the teacher's clock, likewise; None where there is none."""
         return self._rhythm(beats_s, ~self.is_free)
 
     def free(self, beats_s: np.ndarray | None = None) -> dict[str, float]:
         """Figures, 0 to 100, of what the teacher leaves free, where known: energy, and with beats as for `rhythm` rhythm."""
-        found = {"energy": self._dynamics(self.is_free).figures.get("energy")}
-        if beats_s is not None and (danced := self._rhythm(beats_s, self.is_free)) is not None:
-            found["rhythm"] = danced.figure
-        return {name: figure for name, figure in found.items() if figure is not None}
+        danced = self._rhythm(beats_s, self.is_free)
+        figures = self._dynamics(self.is_free).figures | ({"rhythm": danced.figure} if danced else {})
+        return {name: figure for name, figure in figures.items() if name in ("energy", "rhythm")}
 
     def figures(self, beats_s: np.ndarray | None = None) -> dict[str, float]:
         """Those of FIGURES that are known, 0 to 100, by name: the rhythm only with beats, as for `rhythm`."""
         figures = {"similarity": self.similarity, "timing": self.timing, "posture": self.posture}
-        figures |= self.stage.figures | self.dynamics.figures
-        if beats_s is not None and (danced := self.rhythm(beats_s)) is not None:
-            figures["rhythm"] = danced.figure
+        danced = self.rhythm(beats_s)
+        figures |= self.stage.figures | self.dynamics.figures | ({"rhythm": danced.figure} if danced else {})
         return {name: figure for name, figure in figures.items() if math.isfinite(figure)}
 
     def counted(self, weights: Mapping[str, float], beats_s: np.ndarray | None = None) -> dict[str, float]:
@@ -183,8 +183,8 @@ class DanceScore(NamedTuple):
         matched = np.rint(np.arange(len(self.learner_m)) - self._delays_s * FPS).astype(int)
         return dynamics(*self._within(inside), matched)
 
-    def _rhythm(self, beats_s: np.ndarray, inside: np.ndarray) -> Rhythm | None:
-        return rhythm(*self._within(inside), np.asarray(beats_s) - self.windows.start_s[0])
+    def _rhythm(self, beats_s: np.ndarray | None, inside: np.ndarray) -> Rhythm | None:
+        return None if beats_s is None else rhythm(*self._within(inside), np.asarray(beats_s) - self.windows.start_s[0])
 
     def _within(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The (T, 15, 3) joints of teacher and learner at some of the frames, NaN at the others."""
@@ -402,18 +402,19 @@ class Comparison:
         spread = known_noise(scorer.noise).spread
         start_s = self._grid.time_s(range(0, count * self._hop_frames, self._hop_frames))
         weight = self._teacher.movement[:count]
-        names = ("delay_s", "timing", "posture", "similarity", "expected", "parts", "coverage", "error_rad", "error_weight")
-        delay_s, timing, posture, similarity, kept, *arrays = (
+        names = ("delay_s", "timing", "posture", "similarity", "expected", "most", "limit", "error_rad", "error_weight")
+        delay_s, timing, posture, similarity, expected, most, limit, *errors = (
             np.array([getattr(one, name) for one in self.kept]) for name in names
         )
-        parts, coverage = ({name: array[:, i] for i, name in enumerate(PARTS)} for array in arrays[:2])
-        kept = np.where(np.isfinite(posture), kept, np.nan)
+        parts, most_of, coverage = (
+            {name: np.array([getattr(one, of_parts)[number] for one in self.kept]) for number, name in enumerate(PARTS)}
+            for of_parts in ("parts", "parts_most", "coverage")
+        )
         # Means are limited, not what they are of, or errors of the estimator would lower them.
-        most, limit = (np.array([getattr(one, name) for one in self.kept]) for name in ("most", "limit"))
-        most_of: dict[str, np.ndarray] = dict(zip(PARTS, np.array([one.parts_most for one in self.kept]).T, strict=True))
         shown_parts = {name: np.minimum(one, most_of[name]) for name, one in parts.items()}
         whole = delay_s, timing, np.minimum(posture, most), np.minimum(similarity, limit)
-        windows = Windows(start_s, *whole, weight, shown_parts, coverage, *arrays[2:])
+        windows = Windows(start_s, *whole, weight, shown_parts, coverage, *errors)
+        kept = np.where(np.isfinite(posture), expected, np.nan)
         scored = float(np.isfinite(delay_s).mean())
         shown = [name for name in PARTS if np.isfinite(parts[name]).any()]
         return DanceScore(

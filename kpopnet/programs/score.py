@@ -119,7 +119,7 @@ def main() -> None:
     advice, notes = feedback(score, beat_s, diagnosis.faults), score_notes(score, diagnosis)
     wanted, total, told = dict(given.weights), {}, []
     if wanted:
-        beats_s = score.beats_s(beat_s) if beat_s else None
+        beats_s = score.beats_s(beat_s)
         if not (wanted := score.counted(wanted, beats_s)):
             raise InputError(
                 "--weights: nothing of it is known of this dance (rhythm needs --bpm and a dance on the beat, place and height "

@@ -4,7 +4,6 @@ import math
 from typing import Any
 
 from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
-from kpopnet.dance.dimensions.movement import Rhythm
 from kpopnet.dance.feedback import Feedback, Phrase
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.words.moments import at, clock
@@ -13,11 +12,6 @@ from kpopnet.languages import Said
 
 MAX_FAULTS = 3
 """Largest number of faults in the text, the costliest first; the JSON has all."""
-
-
-def rhythm_to(score: DanceScore, beat_s: float | None) -> Rhythm | None:
-    """The learner's rhythm to a beat in seconds; None without one, or where it cannot be told."""
-    return score.rhythm(score.beats_s(beat_s)) if beat_s else None
 
 
 def score_text(score: DanceScore, told: Feedback, notes: list[str], beat_s: float | None = None) -> list[str]:
@@ -49,9 +43,9 @@ def _stage_text(score: DanceScore) -> list[str]:
 
 
 def _movement_text(score: DanceScore, beat_s: float | None) -> list[str]:
-    figures, rhythm = _figures(score.dynamics.figures), rhythm_to(score, beat_s)
+    beats_s = score.beats_s(beat_s)
+    figures, free, rhythm = _figures(score.dynamics.figures), _figures(score.free(beats_s)), score.rhythm(beats_s)
     figures += [Said("rhythm {figure}, {how}", figure=f"{rhythm.figure:.0f}", how=str(rhythm))] if rhythm else []
-    free = _figures(score.free(score.beats_s(beat_s) if beat_s else None))
     texts = {"movement, beside timing and posture: {figures}": figures, "free parts: {figures}": free}
     return [Said(text, figures=shown) for text, shown in texts.items() if shown]
 
@@ -104,10 +98,10 @@ def _fault_text(fault: RecordingFault) -> str:
 
 def score_json(score: DanceScore, told: Feedback, diagnosis: Diagnosis, beat_s: float | None = None) -> dict[str, Any]:
     """The score for programs: numbers, null where nothing could be compared, with feedback, warnings and settings."""
-    content, found, rhythm = score._asdict(), diagnosis.correction, rhythm_to(score, beat_s)
-    moved = score.dynamics
+    content, found, beats_s, moved = score._asdict(), diagnosis.correction, score.beats_s(beat_s), score.dynamics
+    rhythm = score.rhythm(beats_s)
     content |= {"stage": score.stage.figures, "dynamics": {"figures": moved.figures, "ratios": moved.ratios}}
-    content |= {"rhythm": rhythm._asdict() if rhythm else None, "free": score.free(score.beats_s(beat_s) if beat_s else None)}
+    content |= {"rhythm": rhythm._asdict() if rhythm else None, "free": score.free(beats_s)}
     del content["teacher_m"], content["learner_m"], content["is_free"]
     done = None if found is None else found._asdict() | {"as_recorded": diagnosis.as_recorded, "corrected": diagnosis.corrected}
     about = {"feedback": told, "corrections": done, "warnings": diagnosis.faults, "scorer": content.pop("scorer")}

@@ -153,7 +153,7 @@ def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float
     The total is the similarity, or has the weights of `DanceScore.total`, where a figure of theirs is known; `beat_s` is a beat
     of the music in seconds, if there is one.
     """
-    windows, beats_s = score.windows, score.beats_s(beat_s) if beat_s else None
+    windows, beats_s = score.windows, score.beats_s(beat_s)
     counted = score.counted(weights, beats_s)
     unknown = [Said("what the total is made of could not be measured here")] if weights and not counted else []
     return {

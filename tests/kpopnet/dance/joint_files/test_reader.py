@@ -257,7 +257,7 @@ def test_frames_that_a_wide_table_leaves_out_keep_their_time_and_two_people_in_o
     assert read_performance(path).times_s[-1] == pytest.approx((FRAMES - 1) / 25)
     path = write_csv(tmp_path / "wide.csv", person(), {"frame_index": np.repeat(np.arange(FRAMES), 2)[:FRAMES]})
     path.write_text(path.read_text().replace("time_s", "clock", 1))
-    with pytest.raises(InputError, match=r"wide\.csv: expected one line for each frame"):
+    with pytest.raises(InputError, match=r"wide\.csv, line 3: expected one line for \w+ in a frame"):
         read_performance(path, 10)
     lines = ["frame,person,name,x,y,z", *(f"{k},{who},{name},0,1,2" for k in range(3) for who in "ab" for name in person())]
     (tmp_path / "two.csv").write_text("\n".join(lines))
