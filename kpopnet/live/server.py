@@ -14,8 +14,7 @@ from kpopnet.errors import InputError
 from kpopnet.live.loop import Watching, serve_watching
 from kpopnet.runtime.input_files import check_fields
 from kpopnet.teacher.hosting import page_app
-from kpopnet.teacher.live.process import Messages, Process
-from kpopnet.teacher.pages import Page, close_pages, converse
+from kpopnet.teacher.pages import UNKNOWN, Messages, Page, Process, close_pages, converse
 from kpopnet.teacher.safety import Keys
 
 MAX_MESSAGE_BYTES = 1024
@@ -36,7 +35,8 @@ class Watch:
 
     async def running(self, _app: web.Application) -> AsyncIterator[None]:
         """Starts the process before the server, and ends it after; raises InputError where the source cannot be opened."""
-        self._process = Process(serve_watching, (self._watching,), "program")
+        ended = "the process that watches you has ended; start the program again"
+        self._process = Process(serve_watching, (self._watching,), "live", ended)
         self.order = self._process.send
         try:
             kind, content, attached = await self._process.next()
@@ -91,28 +91,18 @@ class Onlooker(Page):
 
     def __init__(self, socket: web.WebSocketResponse, watch: Watch) -> None:
         super().__init__(socket)
-        self._watch, self._messages = watch, Messages()
-        watch.join(self._messages)
-        self._sending = asyncio.create_task(self._send())
+        self._watch, self._waiting = watch, Messages()
+        watch.join(self._waiting)
+        self.hear(self._waiting)
 
-    async def _send(self) -> None:
-        while True:
-            kind, content, picture = await self._messages.next()
-            await (self.show(content, picture) if kind == "frame" else self.tell({"kind": kind} | content))
-
-    def follow(self, message: Any) -> None:
-        what = check_fields("the page's message", message, {"do": str})["do"]
-        if what == "drawn":
-            self.drawn(message)
-            self._messages.want_frame()
-        elif what in ORDERS:
-            self._watch.order(what, check_fields(what, message, {"on": bool})["on"])
-        else:
-            raise InputError("the page asks for something unknown; reload it")
+    def follow(self, what: str, message: dict) -> None:
+        if what not in ORDERS:
+            raise InputError(UNKNOWN)
+        self._watch.order(what, check_fields(what, message, {"on": bool})["on"])
 
     def leave(self) -> None:
-        self._watch.leave(self._messages)
-        self._sending.cancel()
+        self._watch.leave(self._waiting)
+        self.hear(None)
 
 
 def make_watch_app(watching: Watching, hosts: tuple[str, ...], keys: Keys | None = None) -> web.Application:

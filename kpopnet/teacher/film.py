@@ -5,7 +5,6 @@ Films are made in a process of their own, one at a time, for as long as their pa
 
 import asyncio
 import contextlib
-import multiprocessing
 import os
 import time
 from collections.abc import AsyncGenerator, Callable, Iterator
@@ -22,6 +21,7 @@ from kpopnet.languages import Said
 from kpopnet.runtime.input_files import expect
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.teacher.library import Library, TaughtDance, TeacherBody
+from kpopnet.teacher.pages import Process
 from kpopnet.teacher.posing import Movement, forward, learners_movement
 from kpopnet.teacher.tries import Tries
 from kpopnet.viz.overlay import write_video
@@ -42,6 +42,8 @@ END_S = 1.0
 """How long a film that is not wanted any more has to remove what it has written, seconds."""
 PATIENCE_S = 2.0
 """A film that is asked for waits as long for one that is being cancelled."""
+
+UNFINISHED = "the film was not finished; make it again"
 
 NICENESS = 5
 """Lessons go first."""
@@ -159,58 +161,47 @@ class Filming:
             await asyncio.wait_for(self._one.acquire(), PATIENCE_S)
         except TimeoutError as error:
             raise InputError("another film is being made; wait for it, or cancel it where it was begun") from error
-        context = multiprocessing.get_context("spawn")
-        connection, other = context.Pipe()
-        process = context.Process(
-            target=make_film, args=(other, self._library, self._tries, dance, name), daemon=True, name="film"
-        )
-        fraction = 0.0
         try:
-            process.start()
-            other.close()
-            while fraction < 1:
-                if await asyncio.to_thread(connection.poll, TELL_EVERY_S):
-                    fraction, error = connection.recv()
-                    if error:
-                        raise InputError(error)
-                if self._ended:
-                    raise InputError("the program ends; make the film again")
-                yield fraction  # also where there is nothing new: writing to a page that has gone fails
-        except (EOFError, OSError) as error:
-            raise InputError("the film was not finished; make it again") from error
-        finally:
-            connection.close()
+            process, fraction = Process(make_film, (self._library, self._tries, dance, name), "film", UNFINISHED), 0.0
             try:
-                if process.pid is not None:  # it was started
-                    await asyncio.to_thread(_end, process)
+                while fraction < 1:
+                    with contextlib.suppress(TimeoutError):
+                        kind, content, _ = await asyncio.wait_for(process.next(), TELL_EVERY_S)
+                        if kind == "error":
+                            raise InputError(content["text"])
+                        fraction = content["fraction"]
+                    if self._ended:
+                        raise InputError("the program ends; make the film again")
+                    yield fraction  # also where there is nothing new: writing to a page that has gone fails
             finally:
-                other.close()
-                self._one.release()
+                process.send("quit")
+                await asyncio.to_thread(process.end, time.monotonic() + END_S)
+        except OSError as error:
+            raise InputError(UNFINISHED) from error
+        finally:
+            self._one.release()
 
     def end(self) -> None:
         """Ends the film that is being made, if there is one, and makes no others."""
         self._ended = True
 
 
-def _end(process: multiprocessing.process.BaseProcess) -> None:
-    process.join(END_S)
-    process.kill()  # also one that is frozen
-    process.join()
-
-
 def make_film(connection: Connection, library: Library, tries: Tries, dance: str, name: str) -> None:
-    """Makes a film and sends (fraction that is done, what went wrong); ends when the other end is closed."""
+    """Makes a film and says how much is done, or what went wrong, until the server says anything or closes the connection."""
     end_with_parent()
     with contextlib.suppress(AttributeError, OSError):  # where processes have no niceness
         os.nice(NICENESS)
     next_s = 0.0
 
+    def say(kind: str, **content: object) -> None:
+        connection.send((0, kind, content, None))
+
     def tell(fraction: float) -> None:
         nonlocal next_s
-        if connection.poll():  # only the end of the connection can be there: the film is not wanted any more
+        if connection.poll():  # the film is not wanted any more
             raise BrokenPipeError
         if time.monotonic() >= next_s:
-            connection.send((fraction, ""))
+            say("progress", fraction=fraction)
             next_s = time.monotonic() + TELL_EVERY_S
 
     with contextlib.suppress(BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
@@ -225,10 +216,10 @@ def make_film(connection: Connection, library: Library, tries: Tries, dance: str
             except InputError:  # the try was deleted meanwhile, and its film goes with it
                 path.unlink(missing_ok=True)
                 raise
-            connection.send((1.0, ""))
+            say("progress", fraction=1.0)
         except InputError as error:
-            connection.send((0.0, error.said))
+            say("error", text=error.said)
         except (BrokenPipeError, ConnectionResetError):
             raise
         except OSError as error:
-            connection.send((0.0, Said("the film could not be saved: {reason}", reason=error.strerror or str(error))))
+            say("error", text=Said("the film could not be saved: {reason}", reason=error.strerror or str(error)))

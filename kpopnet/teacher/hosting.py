@@ -108,24 +108,27 @@ def host(
     late.daemon = True
     try:
         asyncio.run(_serve(app, given, partial(print, greeting, file=out, flush=True), keys, late.start))
+    except asyncio.CancelledError:
+        pass  # interrupted
     finally:
         late.cancel()
 
 
 async def _serve(app: web.Application, given: argparse.Namespace, greet: Callable, keys: Keys | None, ends: Callable) -> None:
-    loop, interrupted = asyncio.get_running_loop(), asyncio.Event()
+    """Serves until this task is cancelled, which a signal does once, also while a camera opens; `ends` is called then."""
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    assert task is not None
     logger = logging.getLogger(__name__)
     logger.addFilter(_Once())
     loop.set_exception_handler(lambda _, told: logger.error(told["message"], exc_info=told.get("exception")))
     for number in (signal.SIGINT, signal.SIGTERM):
         with contextlib.suppress(NotImplementedError):  # not on every system; there Ctrl-C cancels this task
-            loop.add_signal_handler(number, interrupted.set)
+            loop.add_signal_handler(number, lambda: task.cancelling() or task.cancel())
     runner = web.AppRunner(app, access_log=None, logger=logger, keepalive_timeout=IDLE_S, shutdown_timeout=END_S / 5)
-    if not await _has_started(runner, interrupted, ends):
-        return
-    runner.server.request_handler = _refusing_headers(runner.server.request_handler)
     folder = tempfile.mkdtemp(prefix="kpopnet-")  # which only this user can read
     try:
+        await runner.setup()
+        runner.server.request_handler = _refusing_headers(runner.server.request_handler)
         try:
             server = await loop.create_server(_Limited(runner.server), given.host, given.port, backlog=BACKLOG)
         except OSError as error:
@@ -140,29 +143,13 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
                 address = page.as_uri()
             webbrowser.open(address)
         try:
-            await interrupted.wait()
+            await asyncio.Event().wait()
         finally:
-            ends()
             server.close()
     finally:
+        ends()
         shutil.rmtree(folder, ignore_errors=True)
         await runner.cleanup()
-
-
-async def _has_started(runner: web.AppRunner, interrupted: asyncio.Event, ends: Callable) -> bool:
-    """Starts the application. False if the program is interrupted meanwhile, as while a camera opens: then it has ended."""
-    starting, interruption = asyncio.create_task(runner.setup()), asyncio.create_task(interrupted.wait())
-    await asyncio.wait((starting, interruption), return_when=asyncio.FIRST_COMPLETED)
-    interruption.cancel()
-    if not starting.done():
-        ends()
-        starting.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await starting
-        await runner.cleanup()
-        return False
-    await starting  # raises what its start has raised
-    return True
 
 
 def _refusing_headers(handler: Callable) -> Callable:

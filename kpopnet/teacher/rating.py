@@ -19,6 +19,7 @@ from kpopnet.datasets.dances.ratings import CHOICES, Answer, all_pairs, ratings_
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_fields, expect, parse_json
 from kpopnet.teacher.hosting import page_app
+from kpopnet.teacher.pages import UNKNOWN
 from kpopnet.teacher.posing import at_rate
 from kpopnet.teacher.safety import Keys
 from kpopnet.viz.view_page import millimetres, packed
@@ -104,5 +105,5 @@ async def answer(request: web.Request) -> web.Response:
     elif given["choice"] in CHOICES and left:
         write_ratings(path, [*answers, replace(left[0], choice=given["choice"])])
     else:
-        raise InputError("the page asks for something unknown; reload it")
+        raise InputError(UNKNOWN)
     return web.json_response({})

@@ -25,7 +25,7 @@ from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
 from kpopnet.teacher.live.webcam import read_seen, recorded
-from kpopnet.teacher.pages import Page, close_pages, converse
+from kpopnet.teacher.pages import UNKNOWN, Page, close_pages, converse
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
 from kpopnet.teacher.result_page import packed_body, packed_movement
 from kpopnet.teacher.safety import Keys
@@ -250,12 +250,13 @@ class PageLessons(Page):
         super().__init__(socket)
         self._teaching, self._processes, self._profiles = app[TEACHING], app[PROCESSES], app[profiles.PROFILES]
         self._process: LessonProcess | None = None
-        self._forwarding: asyncio.Task | None = None
+        self._members: list[dict] = []  # who danced beside the first learner
 
-    def follow(self, message: Any) -> None:
-        what = check_fields("the page's message", message, {"do": str})["do"]
+    def follow(self, what: str, message: dict) -> None:
         if what == "prepare":
             self._prepare(settings_from(Lesson, message.get("lesson"), "the lesson"))
+        elif what == "stop":
+            self.leave()
         elif what in ("go", "resume") and self._process is not None:
             in_s = check_fields(what, message, {"in_s": float})["in_s"]
             check_between("in_s", in_s, 0, 60)
@@ -264,14 +265,8 @@ class PageLessons(Page):
             self._process.send("pause")
         elif what == "see" and self._process is not None:
             self._process.see(read_seen(message))
-        elif what == "drawn":
-            self.drawn(message)
-            if self._process is not None:
-                self._process.want_frame()
-        elif what == "stop":
-            self.leave()
         else:
-            raise InputError("the page asks for something unknown; reload it")
+            raise InputError(UNKNOWN)
 
     def _prepare(self, lesson: Lesson) -> None:
         if lesson.source not in self._teaching.sources:
@@ -285,34 +280,27 @@ class PageLessons(Page):
         if self._process is None or not self._process.alive:
             self.leave()
             self._process = self._processes.borrow()
-            self._forwarding = asyncio.create_task(self._forward(self._process))
+            self.hear(self._process)
         else:
             self._process.send("stop")
         self._process.prepare(lesson, dance)
 
     def leave(self) -> None:
-        if self._forwarding is not None:
-            self._forwarding.cancel()
+        self.hear(None)
         if self._process is not None:
             self._processes.give_back(self._process)
-        self._process = self._forwarding = None
+        self._process = None
 
-    async def _forward(self, process: LessonProcess) -> None:
-        members: list[dict] = []  # who danced beside the first learner
-        while True:
-            kind, content, attached = await process.next()
-            if kind == "frame":
-                await self.show(content, attached)
-            elif kind == "member":
-                kept = await self._keep(content, attached)  # the first learner's try, which follows, says what goes wrong
-                members.append({"session": kept.get("session"), "total": content["total"]})
-            else:
-                message = {"kind": kind} | content
-                if kind == "done":
-                    message |= await self._keep(content | ({"members": members} if members else {}), attached)
-                if kind in ("done", "preparing"):  # of a try that was left just before its end
-                    members = []
-                await self.tell(message)
+    async def told(self, kind: str, content: dict, attached: Any) -> dict | None:
+        if kind == "member":
+            kept = await self._keep(content, attached)  # the first learner's try, which follows, says what goes wrong
+            self._members.append({"session": kept.get("session"), "total": content["total"]})
+            return None
+        if kind == "done":
+            content |= await self._keep(content | ({"members": self._members} if self._members else {}), attached)
+        if kind in ("done", "preparing"):  # of a try that was left just before its end
+            self._members = []
+        return content
 
     async def _keep(self, result: dict, arrays: Any) -> dict:
         """Saves a try in which a person was seen; its name, or why it is not saved, for the page."""

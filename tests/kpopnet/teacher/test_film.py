@@ -139,28 +139,28 @@ def test_the_server_ends_although_a_film_is_being_made_and_a_page_is_open(teachi
 
 
 def test_what_goes_wrong_is_one_sentence(teaching, tried, monkeypatch):
-    def told(name: str) -> list[tuple[float, str]]:
+    def told(name: str) -> str:
         ours, theirs = multiprocessing.Pipe()
         make_film(theirs, teaching.library, teaching.tries, "dance_001", name)
-        return [ours.recv() for _ in iter(ours.poll, False)]
+        _, kind, content, _ = ours.recv()
+        assert kind == "error" and not ours.poll()
+        return content["text"]
 
     monkeypatch.setattr(film.os, "nice", lambda more: None)
-    ((_, sentence),) = told(tried(1.0, speed=5.0))
-    assert "damaged" in sentence
+    assert "damaged" in told(tried(1.0, speed=5.0))
 
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(film, "write_film", full)
-    assert told(tried(1.0)) == [(0.0, "the film could not be saved: No space left on device")]
+    assert told(tried(1.0)) == "the film could not be saved: No space left on device"
 
     def deleted_meanwhile(path, *_):
         path.write_bytes(b"a film")
         path.with_suffix(".json").unlink()
 
     monkeypatch.setattr(film, "write_film", deleted_meanwhile)
-    ((_, sentence),) = told(tried(1.0))
-    assert "there is no such try" in sentence and not left_over(teaching)
+    assert "there is no such try" in told(tried(1.0)) and not left_over(teaching)
 
 
 def test_a_process_that_cannot_be_started_or_dies_is_told(teaching, tried, monkeypatch):

@@ -395,7 +395,7 @@ def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching):
     lessons = PageLessons(socket, app)
     # A try that was left between its messages has no part in the next one.
     with pytest.raises(RuntimeError, match="StopIteration"):
-        asyncio.run(lessons._forward(Told(seen, again, seen, unseen, first)))
+        asyncio.run(lessons._pass_on(Told(seen, again, seen, unseen, first)))
     _, done = socket.texts
     (of_second, of_third) = teaching.tries.result("dance_001", done["session"])["members"]
     assert of_third == {"session": None, "total": None} and of_second["total"] == 50.0
