@@ -1,6 +1,5 @@
 """Profiles: names of those who dance on this machine, and which tries are theirs to see, to take along and to delete."""
 
-import asyncio
 import contextlib
 import io
 import json
@@ -11,12 +10,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from aiohttp import web
 
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.runtime.input_files import check_names, parse_json, read_json, settings_from
+from kpopnet.runtime.input_files import check_names, read_json, settings_from
 from kpopnet.teacher.tries import Tries
 
 WHO = re.compile("p_[0-9a-f]{8}")
@@ -105,32 +103,3 @@ class Profiles:
             with contextlib.suppress(InputError):  # `keep` was faster
                 self._tries.remove(dance, name)
         self._tries.remove_unfinished()
-
-
-PROFILES: web.AppKey[Profiles] = web.AppKey("profiles", Profiles)
-routes = web.RouteTableDef()
-
-
-@routes.get("/api/profiles")
-async def names(request: web.Request) -> web.Response:
-    return web.json_response(request.app[PROFILES].names())
-
-
-@routes.post("/api/profiles")
-async def add(request: web.Request) -> web.Response:
-    """Adds a profile; the body is the JSON of a `Profile`."""
-    profile = settings_from(Profile, parse_json(await request.text(), "the page's message"), "the profile")
-    return web.json_response({"who": request.app[PROFILES].add(profile)})
-
-
-@routes.get(r"/api/profiles/{who}.zip")
-async def export(request: web.Request) -> web.Response:
-    content = await asyncio.to_thread(request.app[PROFILES].export, request.match_info["who"])
-    attachment = {"Content-Disposition": 'attachment; filename="my-dances.zip"'}
-    return web.Response(body=content, content_type="application/zip", headers=attachment)
-
-
-@routes.delete("/api/profiles/{who}")
-async def delete(request: web.Request) -> web.Response:
-    await asyncio.to_thread(request.app[PROFILES].delete, request.match_info["who"])
-    return web.json_response({})

@@ -17,7 +17,6 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said, keyed
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
-from kpopnet.teacher import profiles
 from kpopnet.teacher.adding import USUAL_BPM, add_group
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import page_app
@@ -27,6 +26,7 @@ from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
 from kpopnet.teacher.live.webcam import read_seen, recorded
 from kpopnet.teacher.pages import UNKNOWN, Page, close_pages, converse
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
+from kpopnet.teacher.profiles import Profile, Profiles
 from kpopnet.teacher.result_page import packed_body, packed_movement
 from kpopnet.teacher.safety import Keys
 from kpopnet.teacher.tries import Tries, as_csv
@@ -48,6 +48,11 @@ class Teaching:
     skills: tuple[str, ...]  # of a simulated learner
     faults: tuple[str, ...]  # of a simulated learner
 
+    @property
+    def profiles(self) -> Profiles:
+        """Those whose tries these are."""
+        return Profiles(self.tries.folder.parent / "profiles", self.tries)
+
 
 TEACHING: web.AppKey[Teaching] = web.AppKey("teaching", Teaching)
 PROCESSES: web.AppKey[LessonProcesses] = web.AppKey("processes", LessonProcesses)
@@ -62,8 +67,7 @@ def make_app(teaching: Teaching, hosts: tuple[str, ...], keys: Keys | None = Non
     app[FILMING] = Filming(teaching.library, teaching.tries)
     app[PROCESSES] = LessonProcesses(teaching.open_camera, teaching.checkpoint)
     app.on_shutdown.append(_end)
-    app[profiles.PROFILES] = profiles.Profiles(teaching.tries.folder.parent / "profiles", teaching.tries)
-    app.add_routes([*profiles.routes, *routes])
+    app.add_routes(routes)
     return app
 
 
@@ -169,11 +173,36 @@ async def history(request: web.Request) -> web.Response:
     return web.json_response(await asyncio.to_thread(tries.history, request.match_info["dance"], who))
 
 
+@routes.get("/api/profiles")
+async def names(request: web.Request) -> web.Response:
+    return web.json_response(request.app[TEACHING].profiles.names())
+
+
+@routes.post("/api/profiles")
+async def add_profile(request: web.Request) -> web.Response:
+    """Adds a profile; the body is the JSON of a `Profile`."""
+    profile = settings_from(Profile, parse_json(await request.text(), "the page's message"), "the profile")
+    return web.json_response({"who": request.app[TEACHING].profiles.add(profile)})
+
+
+@routes.get(r"/api/profiles/{who}.zip")
+async def export(request: web.Request) -> web.Response:
+    content = await asyncio.to_thread(request.app[TEACHING].profiles.export, request.match_info["who"])
+    attachment = {"Content-Disposition": 'attachment; filename="my-dances.zip"'}
+    return web.Response(body=content, content_type="application/zip", headers=attachment)
+
+
+@routes.delete("/api/profiles/{who}")
+async def delete(request: web.Request) -> web.Response:
+    await asyncio.to_thread(request.app[TEACHING].profiles.delete, request.match_info["who"])
+    return web.json_response({})
+
+
 @routes.get("/api/profiles/{who}")
 async def profile(request: web.Request) -> web.Response:
     """A profile's name, and its tries by dance, with what the menu shows of each dance that is still there."""
     teaching, who = request.app[TEACHING], request.match_info["who"]
-    shown = {"name": request.app[profiles.PROFILES].profile(who).name, "dances": []}
+    shown = {"name": teaching.profiles.profile(who).name, "dances": []}
     for dance in teaching.tries.dances():
         with contextlib.suppress(InputError):  # the dance is gone
             about = _shown(dance, teaching.library.about(dance))
@@ -248,7 +277,7 @@ class PageLessons(Page):
 
     def __init__(self, socket: web.WebSocketResponse, app: web.Application) -> None:
         super().__init__(socket)
-        self._teaching, self._processes, self._profiles = app[TEACHING], app[PROCESSES], app[profiles.PROFILES]
+        self._teaching, self._processes = app[TEACHING], app[PROCESSES]
         self._process: LessonProcess | None = None
         self._members: list[dict] = []  # who danced beside the first learner
 
@@ -272,7 +301,7 @@ class PageLessons(Page):
         if lesson.source not in self._teaching.sources:
             raise InputError("there is no such source of depth")
         if lesson.who:
-            self._profiles.profile(lesson.who)
+            self._teaching.profiles.profile(lesson.who)
         dance = self._teaching.library.dance(lesson.dance)
         lesson.excerpt_s(dance.about.seconds)
         if lesson.dancer >= len(dance.dancers):
@@ -307,7 +336,7 @@ class PageLessons(Page):
         if result.get("total") is None:
             return {}
         try:
-            return {"session": await asyncio.to_thread(self._profiles.keep, result, arrays)}
+            return {"session": await asyncio.to_thread(self._teaching.profiles.keep, result, arrays)}
         except InputError as error:  # the profile was deleted meanwhile
             return {"not_saved": keyed(Said("this try was not saved: {reason}", reason=error.said))}
         except OSError as error:

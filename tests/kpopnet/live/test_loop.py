@@ -145,6 +145,13 @@ def test_a_pause_from_the_start_holds_everything(watch, monkeypatch, tmp_path):
     assert not streamed and not list((tmp_path / "kept").iterdir())
 
 
+def test_joints_that_could_not_be_saved_are_not_begun(watch, in_turn, tmp_path):
+    (tmp_path / "kept").write_text("a file where the folder should be")
+    told = watch(Images(np.arange(5) / 10), {1: ("joints", True)})
+    (failed,) = said(told)
+    assert failed.startswith("not saved: ") and not any(content["keeping"] for kind, content in told if kind == "state")
+
+
 def test_a_disk_that_is_gone_when_a_recording_ends_is_told_and_the_next_one_begins_anew(monkeypatch, tmp_path):
     camera, depth_m = CAMERAS["eval"], np.ones((240, 320), np.float32)
     recorder, close = keeping.DepthRecorder(tmp_path, camera), keeping.DepthWriter.close

@@ -60,27 +60,22 @@ def decoded(packet: bytes) -> list[tuple]:
 
 
 @pytest.fixture
-def listen():
-    """Opens UDP sockets on successive ports, and returns the first port and them."""
-    opened = []
-
-    def bind(count: int) -> tuple[int, list[socket.socket]]:
-        for first in range(40_000, 60_000, 7):
-            opened[:] = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+def heard():
+    """Two UDP sockets on successive ports."""
+    for first in range(40_000, 60_000, 7):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as two:
             try:
-                for number, one in enumerate(opened):
-                    one.bind(("127.0.0.1", first + number))
-                    one.settimeout(10)
-            except OSError:
-                for one in opened:
-                    one.close()
-            else:
-                return first, opened
-        raise AssertionError("no free ports")
+                for port, socket_ in enumerate((one, two), first):
+                    socket_.bind(("127.0.0.1", port))
+                    socket_.settimeout(10)
+            except OSError:  # taken
+                continue
+            yield one, two
+            return
 
-    yield bind
-    for one in opened:
-        one.close()
+
+def port_of(heard) -> int:
+    return heard[0].getsockname()[1]
 
 
 def test_json_is_one_line_an_image(capsys):
@@ -121,13 +116,12 @@ def test_a_reader_that_has_gone_is_told_with_the_first_image(monkeypatch, kind):
         stream(SEEN)
 
 
-def test_osc_names_people_and_joints(listen):
-    port, (heard,) = listen(1)
-    with open_stream("osc", port) as stream:
+def test_osc_names_people_and_joints(heard):
+    with open_stream("osc", port_of(heard)) as stream:
         stream(SEEN)
-    ((address, *image),) = decoded(heard.recv(65536))
+    ((address, *image),) = decoded(heard[0].recv(65536))
     assert address == "/kpopnet/image" and image == [7, 0.5, 12.5, 2]
-    one, other = (decoded(heard.recv(65536)) for _ in range(2))
+    one, other = (decoded(heard[0].recv(65536)) for _ in range(2))
     assert [address for address, *_ in one] == [f"/kpopnet/person/1/{name}" for name in JOINT_NAMES]
     np.testing.assert_allclose([values[:3] for _, *values in one], SEEN.people[0].joints_camera_m, atol=1e-6)
     assert "/kpopnet/person/3/left_foot" not in [address for address, *_ in other] and len(other) == 14
@@ -160,9 +154,8 @@ def heard_bones(packet: bytes) -> dict[str, list[float]]:
     return {values[0]: values[1:] for address, *values in messages if address == "/VMC/Ext/Bone/Pos"}
 
 
-def test_vmc_bones_point_where_the_joints_do_and_everybody_has_a_port(listen):
-    port, heard = listen(2)
-    with open_stream("vmc", port) as stream:
+def test_vmc_bones_point_where_the_joints_do_and_everybody_has_a_port(heard):
+    with open_stream("vmc", port_of(heard)) as stream:
         stream(Seen(0, 0.0, 10.0, [person(1, yaw_deg=25), person(3, x_m=1.0, yaw_deg=25)]))
     for socket_, x_m in zip(heard, (0.0, 1.0), strict=True):
         bones, joints_m = heard_bones(socket_.recv(65536)), person(1, x_m=x_m, yaw_deg=25).joints_camera_m
@@ -176,9 +169,8 @@ def test_vmc_bones_point_where_the_joints_do_and_everybody_has_a_port(listen):
         assert 0.6 < bones["Hips"][1] < 1.2
 
 
-def test_vmc_holds_a_limb_that_is_hidden_and_keeps_ports(listen):
-    port, heard = listen(2)
-    with open_stream("vmc", port) as stream:
+def test_vmc_holds_a_limb_that_is_hidden_and_keeps_ports(heard):
+    with open_stream("vmc", port_of(heard)) as stream:
         stream(Seen(0, 0.0, 10.0, [person(4, Joint.LEFT_HAND)]))  # one that was never seen has no direction
         stream(Seen(1, 0.1, 10.0, [person(4), person(5)]))
         before = heard_bones(heard[0].recv(65536))

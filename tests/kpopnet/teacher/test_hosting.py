@@ -38,16 +38,23 @@ host(make, argparse.Namespace(host=host_name, port=0, no_browser=False), "look a
 
 
 @contextlib.contextmanager
-def hosting(opened: Path, host: str = "127.0.0.1", files: int = 128) -> Iterator[tuple[subprocess.Popen, str]]:
-    """A server of a page in a process of its own, which may open this number of files; the process and its address."""
-    command = [sys.executable, "-c", SERVER, host, str(files), str(opened)]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+def running(*words: object) -> Iterator[subprocess.Popen]:
+    """Python with these words, which is killed with the context."""
+    command, pipe = [sys.executable, *map(str, words)], subprocess.PIPE
+    with subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
         try:
-            address = process.stdout.readline().split()[2]
-            get(address)  # which it answers when it has opened the browser
-            yield process, address
+            yield process
         finally:
             process.kill()
+
+
+@contextlib.contextmanager
+def hosting(opened: Path, host: str = "127.0.0.1", files: int = 128) -> Iterator[tuple[subprocess.Popen, str]]:
+    """A server of a page in a process of its own, which may open this number of files; the process and its address."""
+    with running("-c", SERVER, host, files, opened) as process:
+        address = process.stdout.readline().split()[2]
+        get(address)  # which it answers when it has opened the browser
+        yield process, address
 
 
 def get(address: str, cookie: str = "") -> tuple[int, str, str]:
@@ -64,16 +71,18 @@ HEADERS = {b"Expect: more\r\n": 417, b"Expect: \xff\r\n": 400, b"Connection: \xf
 """What would be repeated in an answer, and the status instead."""
 
 
-def test_a_free_port_is_chosen_printed_and_opened_and_odd_headers_are_refused(tmp_path):
+def test_a_free_port_is_opened_odd_headers_are_refused_and_it_ends_whatever_its_threads_do(tmp_path):
     with hosting(tmp_path / "opened") as (process, address):
-        assert urlsplit(address).port and get(address)[0] == 200
-        assert (tmp_path / "opened").read_text() == address
+        place = "127.0.0.1", urlsplit(address).port
+        assert get(address)[0] == 200 and (tmp_path / "opened").read_text() == address
         for header, status in HEADERS.items():
-            with contextlib.closing(socket.create_connection(("127.0.0.1", urlsplit(address).port))) as stranger:
+            with socket.create_connection(place) as stranger:
                 stranger.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n" + header + b"\r\n")
                 assert stranger.recv(4096).startswith(b"HTTP/1.1 %d " % status)
-        process.send_signal(signal.SIGTERM)
-        assert process.stderr.read() == ""
+        with socket.create_connection(place) as waiting:
+            waiting.sendall(b"GET /long HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+            process.send_signal(signal.SIGINT)
+            assert process.wait(30) == 0 and process.stderr.read() == ""
 
 
 def test_a_secret_reaches_the_browser_in_a_file_that_only_its_user_reads(tmp_path):
@@ -98,7 +107,7 @@ def test_too_many_connections_are_told_so_and_fill_no_log(tmp_path):
         place = "127.0.0.1", urlsplit(address).port
         with contextlib.ExitStack() as stack:
             for _ in range(120):
-                stack.enter_context(contextlib.closing(socket.create_connection(place)))
+                stack.enter_context(socket.create_connection(place))
             status = 0
             while not status:  # in the throng itself some are cut off
                 with contextlib.suppress(ConnectionResetError):
@@ -108,15 +117,6 @@ def test_too_many_connections_are_told_so_and_fill_no_log(tmp_path):
             time.sleep(0.1)
         process.send_signal(signal.SIGTERM)
         assert process.stderr.read() == ""
-
-
-def test_it_ends_whatever_its_threads_do(tmp_path):
-    with hosting(tmp_path / "opened") as (process, address):
-        place = urlsplit(address)
-        with socket.create_connection((place.hostname, place.port)) as waiting:
-            waiting.sendall(b"GET /long HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
-            process.send_signal(signal.SIGINT)
-            assert process.wait(30) == 0 and process.stderr.read() == ""
 
 
 STARTING = """
@@ -139,15 +139,10 @@ host(make, argparse.Namespace(host="127.0.0.1", port=0, no_browser=True), "look 
 
 
 def test_it_ends_while_it_starts():
-    with subprocess.Popen(
-        [sys.executable, "-c", STARTING], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as one:
-        try:
-            assert one.stdout.readline() == "opening\n"
-            one.send_signal(signal.SIGINT)
-            assert one.wait(30) == 0 and one.stderr.read() == "" and one.stdout.read() == "closed\n"
-        finally:
-            one.kill()
+    with running("-c", STARTING) as one:
+        assert one.stdout.readline() == "opening\n"
+        one.send_signal(signal.SIGINT)
+        assert one.wait(30) == 0 and one.stderr.read() == "" and one.stdout.read() == "closed\n"
 
 
 LESSONS = """
@@ -170,8 +165,7 @@ if __name__ == "__main__":
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 def test_no_process_of_a_lesson_stays_frozen_or_after_a_kill_of_the_server(tmp_path):
     (tmp_path / "lessons.py").write_text(LESSONS)
-    command = [sys.executable, str(tmp_path / "lessons.py")]
-    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+    with running(tmp_path / "lessons.py") as process:
         frozen, other = map(int, process.stdout.readline().split())
         os.kill(frozen, signal.SIGSTOP)
         process.stdin.write("end\n")

@@ -31,12 +31,11 @@ def test_a_dance_survives_writing_and_reading(library, tmp_path):
     (tmp_path / DANCES / "cut.npz").write_bytes(content[: len(content) // 2])
     with pytest.raises(InputError, match=r"cut\.npz"):
         other.dance("cut")
-
-
-def test_what_is_no_name_of_a_dance_is_no_path(library):
-    for identity in ("../body", "", "Dance", "x" * 65, "dance_001\0", "dance_999"):
+    for no_name in ("../dances/copy", "", "Dance", "x" * 65, "copy\0", "dance_999"):
         with pytest.raises(InputError, match="there is no dance"):
-            library.dance(identity)
+            other.dance(no_name)
+    (tmp_path / TRIES / "own_001").mkdir(parents=True)  # of a dance that was removed, which keeps its tries
+    assert other.add(dance) == "own_002"
 
 
 def test_the_preview_is_centred_and_upright_and_fast_dances_are_difficult(library):
@@ -50,13 +49,11 @@ def test_the_preview_is_centred_and_upright_and_fast_dances_are_difficult(librar
 
 
 def test_depth_and_joints_are_told_apart(tmp_path):
-    np.savez(tmp_path / "depth.npz", depth_mm=np.zeros((1, 2, 2), np.uint16))
-    np.savez(tmp_path / "joints.npz", joints_m=np.zeros((1, 15, 3)), times_s=np.zeros(1))
-    assert holds_depth(tmp_path / "depth.npz") and not holds_depth(tmp_path / "joints.npz")
-    np.savez(tmp_path / "aist.npz", keypoints3d_optim=np.zeros((2, 17, 3)))
-    assert not holds_depth(tmp_path / "aist.npz")
+    for name, is_depth in (("depth_mm", True), ("joints_m", False), ("keypoints3d_optim", False)):
+        np.savez(tmp_path / f"{name}.npz", **{name: np.zeros((1, 2, 2), np.uint16)})
+        assert holds_depth(tmp_path / f"{name}.npz") == is_depth
     assert holds_depth(tmp_path) and holds_depth(tmp_path / "dance.bag") and not holds_depth(tmp_path / "dance.BVH")
-    whole = (tmp_path / "joints.npz").read_bytes()
+    whole = (tmp_path / "joints_m.npz").read_bytes()
     directory = whole.rindex(b"PK\x01\x02")
     (tmp_path / "damaged.npz").write_bytes(whole[:directory] + b"XXXX" + whole[directory + 4 :])
     assert zipfile.is_zipfile(tmp_path / "damaged.npz") and not holds_depth(tmp_path / "damaged.npz")  # its reader says why
@@ -133,12 +130,6 @@ def test_frames_without_joints_are_neither_moves_nor_thumbnails(library):
     gaps_m[:, Joint.HEAD] = np.nan  # which was never seen
     head, torso = (np.array(preview_cm(seen)).reshape(-1, 15, 2)[:, joint] for joint in (Joint.HEAD, Joint.TORSO))
     np.testing.assert_array_equal(head, torso)
-
-
-def test_a_dance_that_was_removed_keeps_its_tries(library, tmp_path):
-    mine, dance = Library(tmp_path, library.body), library.dance("dance_001")
-    (tmp_path / TRIES / "own_001").mkdir(parents=True)
-    assert mine.add(dance) == "own_002"
 
 
 def test_bvh_is_read_back_and_becomes_a_dance_of_ones_own(library, tmp_path):

@@ -19,10 +19,6 @@ from teacher_page import BROWSER, DRIVER, NARROW, WIDE, chromium, resize, served
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
-from kpopnet.pose import PersonPose
-from kpopnet.sources.live import Image
-from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.score import DanceTry
 from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.result_page import result_page
 
@@ -131,6 +127,11 @@ def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korea
     worst.send_keys(Keys.ENTER)
     until(browser, lambda one: one.find_element(By.ID, "scrub").get_attribute("value") != before)
     assert len(browser.find_elements(By.CSS_SELECTOR, "#history tr")) == 1
+    film = find(browser, "#film")
+    film.send_keys(Keys.ENTER)
+    until(browser, lambda one: re.search("making the film: [1-9]", find(one, "#film-told").text))
+    film.send_keys(Keys.ENTER)
+    until(browser, lambda one: "was cancelled" in find(one, "#film-told").text)
 
     result = browser.current_url
     browser.get(f"{address}?lang=ko")
@@ -198,7 +199,6 @@ def test_the_second_visit_greets_by_name_and_a_profile_is_deleted_after_a_second
 SEEN_ALWAYS = """
 window.hand = null; // where the right hand is, in the picture; null: no person is there
 window.asked = [];
-window.extra = {}; // what else the images tell
 window.silent = false; // no images come
 window.WebSocket = class extends EventTarget {
   static OPEN = 1;
@@ -212,7 +212,7 @@ window.WebSocket = class extends EventTarget {
       Object.assign(joints, { 1: [0.5, 0.3, 2, 1], 6: [...(hand || [0.4, 0.62]), 2, 1], 7: [0.6, 0.62, 2, 1] });
       for (const hip of [9, 10]) joints[hip] = [0.5, 0.6, 2, 1];
       const at = { time_s: null, sent_ms: Date.now(), taken_ms: Date.now() };
-      const content = { kind: "frame", joints: hand ? joints : null, guidance: "", words: "", parts: {}, ...at, ...extra };
+      const content = { kind: "frame", joints: hand ? joints : null, guidance: "", words: "", parts: {}, ...at };
       const text = new TextEncoder().encode(JSON.stringify(content)), message = new Uint8Array(4 + text.length + 5);
       new DataView(message.buffer).setUint32(0, text.length, true);
       message.set(text, 4);
@@ -322,55 +322,6 @@ def test_a_hand_that_points_chooses_starts_and_stops_a_dance_which_a_camera_that
     until(browser, lambda one: one.execute_script("return asked")[-len(wanted) :] == wanted)
 
 
-def test_learners_beside_each_other_have_their_own_colour_and_score(teaching, browser):
-    teaching.sources["recording"] = "the recording of two"
-    browser.execute_cdp_cmd("Page.addScriptToEvaluateOnNewDocument", {"source": SEEN_ALWAYS})
-    with served(teaching) as address:
-        browser.get(address)
-        stored = "localStorage['teach.source'] = '\"recording\"'; localStorage['teach.people'] = '2'"
-        browser.execute_script(stored)
-        browser.get(f"{address}#/dance/dance_001")
-        browser.refresh()
-        browser.execute_script("hand = [0.4, 0.62]; extra = { others: [{ joints: null, parts: {}, so_far: null }] }")
-        find(browser, "#start").send_keys(Keys.ENTER)
-        until(browser, lambda one: find(one, "#words").text.startswith("stand before"))  # the second is not there yet
-        joints = [[0.7, 0.5, 2, 1]] * 15
-        browser.execute_script(
-            "extra = { time_s: 1, so_far: 82, others: [{ joints: arguments[0], parts: {}, so_far: 61.4, time_s: 1 }] }", joints
-        )
-        until(browser, lambda one: "go" in one.execute_script("return asked"))
-        first, second = until(browser, lambda one: one.find_elements(By.CSS_SELECTOR, "#members li"))
-        until(browser, lambda _: first.text.startswith("82") and second.text.startswith("61"))
-        colours = [
-            one.find_element(By.CLASS_NAME, "swatch").value_of_css_property("background-color") for one in (first, second)
-        ]
-        assert colours[0] != colours[1] and not find(browser, "#so-far").is_displayed()
-        find(browser, "#start").send_keys(Keys.ENTER)
-
-
-def test_a_film_is_followed_cancelled_and_made(teaching, address, browser):
-    dance, clock = teaching.library.dance("dance_001"), DanceClock(0.0, 1.0)
-    one, begun = DanceTry(Lesson("dance_001", to_s=3.0), dance, "none"), time.monotonic()
-    clock.start(0.0)
-    for frame in range(95):
-        image = Image(np.zeros((2, 2), np.float32), begun + frame / dance.fps)
-        one.score(clock, image, PersonPose(1, dance.joints_m[frame], np.ones(15)))
-    result, arrays = one.finish(0)
-    long, short = (teaching.tries.save(result | {"to_s": to_s, "speed": 0.25}, arrays) for to_s in (20.0, 0.5))
-    browser.get(f"{address}#/dance/dance_001/try/{long}")
-    button = find(browser, "#film")
-    button.send_keys(Keys.ENTER)
-    until(browser, lambda one: re.search("making the film: [1-9]", find(one, "#film-told").text))
-    assert button.text == "cancel the film"
-    button.send_keys(Keys.ENTER)
-    until(browser, lambda one: "was cancelled" in find(one, "#film-told").text)
-    until(browser, lambda _: not list(teaching.tries.folder.rglob("*.mp4*")))  # the maker may be about to notice
-    browser.get(f"{address}#/dance/dance_001/try/{short}")
-    until(browser, lambda one: "is saved" in find(one, "#film-told").text or asked_again(one))
-    (film,) = teaching.tries.folder.rglob("*.mp4")
-    assert film.read_bytes()[4:8] == b"ftyp"
-
-
 def test_the_page_of_a_score_replays_it_without_a_server(library, browser, tmp_path):
     teacher = library.dance("dance_001").performance
     learner = Performance(arm_lowered(teacher.joints_m, "left", 50), teacher.times_s + 0.1)
@@ -390,11 +341,3 @@ def test_the_page_of_a_score_replays_it_without_a_server(library, browser, tmp_p
     until(browser, lambda one: float(find(one, "#scrub").get_attribute("value")) > 0)
     loaded = browser.execute_script("return performance.getEntriesByType('resource').map((one) => one.name)")
     assert [name for name in loaded if not name.startswith("data:")] == []
-
-
-def asked_again(driver) -> bool:
-    """Asks for the film, which the server may still be cancelling; False."""
-    button = driver.find_element(By.ID, "film")
-    if button.text != "cancel the film":
-        button.send_keys(Keys.ENTER)
-    return False

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import zipfile
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -15,11 +16,16 @@ from teacher_page import english, with_client
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import hidden_name
-from kpopnet.teacher.profiles import Profile, Profiles
+from kpopnet.teacher.profiles import Profile
 
 
 def profile_json(name) -> str:
     return json.dumps({"name": name})
+
+
+def left(folder) -> set[str]:
+    """The names of the files under a folder."""
+    return {path.name for path in folder.rglob("*") if path.is_file()}
 
 
 def test_a_profile_has_its_own_history_which_is_exported_and_deleted(teaching, tried):
@@ -38,13 +44,14 @@ def test_a_profile_has_its_own_history_which_is_exported_and_deleted(teaching, t
         assert set(packed.namelist()) == {"profile.json"} | {f"tries/dance_001/{hers}.{kind}" for kind in ("json", "npz")}
         teaching.tries.film_path("dance_001", hers).write_bytes(b"film")
         assert (await client.delete(f"/api/profiles/{mina}")).status == 200
-        left = {path.name for path in teaching.tries.folder.rglob("*") if path.is_file()}
-        assert left == {f"{name}.{kind}" for name in (guests, his) for kind in ("json", "npz")}
+        assert left(teaching.tries.folder) == {f"{name}.{kind}" for name in (guests, his) for kind in ("json", "npz")}
         assert (await client.get(f"/api/profiles/{mina}")).status == 400
-        assert await (await client.get("/api/profiles")).json() == {theo: "Théo"}
         async with client.ws_connect("/live") as socket:
             await socket.send_json({"do": "prepare", "lesson": {"dance": "dance_001", "who": mina}})
             assert "no such profile" in english((await socket.receive_json())["text"])
+        assert await (await client.get("/api/profiles")).json() == {theo: "Théo"}
+        (teaching.profiles.folder / f"{theo}.json").write_text("{")
+        assert await (await client.get("/api/profiles")).json() == {}  # a damaged one is left out
 
     with_client(teaching, work)
 
@@ -55,67 +62,36 @@ def test_strange_names_and_messages_are_refused_and_never_become_paths(teaching)
     async def work(client):
         assert (await client.post("/api/profiles", data=profile_json("Mina"))).status == 200
         assert (await client.post("/api/profiles", data=profile_json("../../x"))).status == 200  # a name like another
-        for data in (*wrong, "", "[]", "{}", '{"name": "A", "age": 3}', "x" * 100):
+        for data in (*wrong, "", "[]", '{"name": "A", "age": 3}'):
             answer = await client.post("/api/profiles", data=data)
             assert answer.status == 400 and "\n" not in english((await answer.json())["error"]), data
-        told = (await (await client.post("/api/profiles", data=profile_json("a" * 41))).json())["error"]
-        assert told == {"say": "a name has 1 to {most} letters that can be printed, without spaces around them", "most": 40}
-        for who in ("..%2ftries", "p_00000000", "p_0000000", "x" * 300):
+        for who in ("..%2ftries", "p_00000000", "x" * 300):
             for ask in (client.get, client.delete):
                 assert (await ask(f"/api/profiles/{who}")).status == 400
             assert (await client.get(f"/api/profiles/{who}.zip")).status == 400
         assert (await client.delete("/api/profiles/p_00000000", headers={"Origin": "http://evil.example"})).status == 403
 
     with_client(teaching, work)
-    folder = teaching.tries.folder.parent / "profiles"
+    folder = teaching.profiles.folder
     assert len(list(folder.iterdir())) == 2 and not list(folder.parent.rglob("x*"))
 
 
-def test_a_damaged_profile_is_left_out(teaching, tmp_path):
-    profiles = Profiles(tmp_path / "profiles", teaching.tries)
-    who = profiles.add(Profile("Mina"))
-    (tmp_path / "profiles" / f"{who}.json").write_text("{")
-    assert profiles.names() == {}
-    with pytest.raises(InputError):
-        profiles.profile(who)
-
-
-ARRAYS = {"joints_m": np.zeros((3, 15, 3), np.float32), "times_s": np.arange(3.0), "confidence": np.ones((3, 15), np.float32)}
-
-
-def left(folder) -> set[str]:
-    """The names of the files under a folder."""
-    return {path.name for path in folder.rglob("*") if path.is_file()}
-
-
-def test_nothing_is_left_of_a_profile_that_is_deleted_while_its_try_is_saved_or_filmed(teaching, tried, tmp_path, monkeypatch):
-    tries = teaching.tries
-    profiles = Profiles(tmp_path / "profiles", tries)
+def test_nothing_is_left_of_a_profile_that_is_deleted_while_its_try_is_saved_or_filmed(teaching, tried, monkeypatch):
+    tries, profiles = teaching.tries, teaching.profiles
     who, save = profiles.add(Profile("Mina")), tries.save
     name = tried(2.0, who=who)
     (tries.folder / "dance_001" / hidden_name(f"{name}.mp4")).write_bytes(b"half a film")
-
-    def save_slowly(result, arrays):
-        profiles.delete(who)
-        return save(result, arrays)
-
-    monkeypatch.setattr(tries, "save", save_slowly)
+    monkeypatch.setattr(tries, "save", lambda *given: [profiles.delete(who), save(*given)][1])
     with pytest.raises(InputError, match="no such profile"):
-        profiles.keep({"dance": "dance_001", "who": who, "total": 1.0}, ARRAYS)
+        profiles.keep({"dance": "dance_001", "who": who}, {"times_s": np.zeros(1)})
     assert left(tries.folder) == left(profiles.folder) == set()
-    monkeypatch.undo()
-    assert tries.result("dance_001", profiles.keep({"dance": "dance_001", "who": "", "total": 1.0}, ARRAYS))["total"] == 1
 
 
-def test_a_try_that_a_full_disk_or_a_kill_interrupts_leaves_no_joints(teaching, tried, tmp_path, monkeypatch):
-    tries, profiles = teaching.tries, Profiles(tmp_path / "profiles", teaching.tries)
-
-    def full(*_given, **_named):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
+def test_a_try_that_a_full_disk_or_a_kill_interrupts_leaves_no_joints(teaching, tried, monkeypatch):
+    tries, profiles = teaching.tries, teaching.profiles
     for place, name in ((np, "savez_compressed"), (json, "dumps")):
         with monkeypatch.context() as patched:
-            patched.setattr(place, name, full)
+            patched.setattr(place, name, Mock(side_effect=OSError(errno.ENOSPC, "No space left on device")))
             with pytest.raises(OSError, match="No space"):
                 tried(1.0)
     assert left(tries.folder) == set()

@@ -37,10 +37,7 @@ def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
     async def work(client):
         page = await client.get("/")
         assert page.status == 200 and "script-src 'self'" in page.headers["Content-Security-Policy"]
-        seen, waiting = (
-            set(),
-            ["/page/app.js", "/page/style.css", "/page/icon.svg", "/page/beats_worker.js", "/page/vendor/three.LICENSE"],
-        )
+        seen, waiting = set(), [f"/page/{name}" for name in ("app.js", "style.css", "icon.svg", "beats_worker.js")]
         text = await page.text()
         assert all(path in text for path in waiting[:3])
         while waiting:
@@ -258,7 +255,7 @@ def test_wrong_messages_are_answered_and_start_nothing(teaching):
 
 
 def test_saved_tries_are_listed_and_given_as_files_and_a_broken_one_is_left_out(teaching, tried, tmp_path):
-    *names, broken = [tried(1.0) for _ in range(3)]
+    *names, broken = [tried(1.0, unseen=(Joint.LEFT_FOOT, Joint.RIGHT_FOOT)) for _ in range(3)]  # as before a webcam
     teaching.tries.path("dance_001", broken, "json").write_text("{")
 
     async def work(client):
@@ -293,15 +290,6 @@ def test_a_history_reads_a_try_once_unless_it_changes_and_forgets_one_that_is_go
     assert (first["total"], first["phrases"], second["total"]) == (3.0, [{"start_s": 0.0, "total": 3.0}], 81.5)
     assert read == [changed] and "who" not in first and tries.history("dance_001", "p_00000000") == []
     assert pickle.loads(pickle.dumps(tries)).history("dance_001") == [first, second]
-
-
-def test_a_try_before_a_webcam_that_never_saw_the_feet_is_replayed(teaching, tried):
-    async def work(client):
-        name = tried(2.0, unseen=(Joint.LEFT_FOOT, Joint.RIGHT_FOOT))
-        response = await client.get(f"/api/tries/dance_001/{name}/movement")
-        assert response.status == 200 and (await response.json())["fps"] == 30
-
-    with_client(teaching, work)
 
 
 async def hold(socket, lesson: dict, draws: bool = True) -> tuple[dict, list[dict], list[str]]:
@@ -366,48 +354,32 @@ def test_no_random_request_is_an_error_of_the_server(teaching, tried):
     with_client(teaching, work)
 
 
-class Said:
-    """A page's socket that keeps what it is told."""
+@pytest.fixture
+def told(teaching):
+    """What a page is told of a lesson's last message, after these."""
+    lessons = PageLessons(Mock(), make_app(teaching, ("127.0.0.1",)))
 
-    def __init__(self) -> None:
-        self.texts: list[dict] = []
+    async def last(messages: tuple) -> dict:
+        return [await lessons.told(*message) for message in messages][-1]
 
-    async def send_str(self, text: str) -> None:
-        self.texts.append(json.loads(text))
-
-
-class Told:
-    """A lesson's process that has these messages."""
-
-    def __init__(self, *messages: tuple) -> None:
-        self.messages = iter(messages)
-
-    async def next(self) -> tuple:
-        return next(self.messages)
+    return lambda *messages: asyncio.run(last(messages))
 
 
-def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching):
+DONE = {"dance": "dance_001", "who": "", "total": 80.0}
+
+
+def test_each_learners_try_is_kept_and_the_firsts_names_the_others(teaching, told):
     arrays = {"joints_m": np.zeros((3, 15, 3)), "times_s": np.arange(3.0)}
-    seen = ("member", {"dance": "dance_001", "who": "", "total": 50.0}, arrays)
-    first = ("done", {"dance": "dance_001", "who": "", "total": 80.0, "together": None}, arrays)
-    unseen, again = ("member", {"total": None}, {}), ("preparing", {"fraction": 0.0, "text": ""}, None)
-    socket, app = Said(), make_app(teaching, ("127.0.0.1",))
-    lessons = PageLessons(socket, app)
-    # A try that was left between its messages has no part in the next one.
-    with pytest.raises(RuntimeError, match="StopIteration"):
-        asyncio.run(lessons._pass_on(Told(seen, again, seen, unseen, first)))
-    _, done = socket.texts
+    seen, unseen = ("member", DONE | {"total": 50.0}, arrays), ("member", {"total": None}, {})
+    again = "preparing", {"fraction": 0.0, "text": ""}, None  # a try that was left between its messages has no part in the next
+    done = told(seen, again, seen, unseen, ("done", DONE, arrays))
     (of_second, of_third) = teaching.tries.result("dance_001", done["session"])["members"]
     assert of_third == {"session": None, "total": None} and of_second["total"] == 50.0
     assert teaching.tries.result("dance_001", of_second["session"])["total"] == 50.0
 
 
-def test_a_try_that_cannot_be_saved_says_why_or_what_the_system_says(teaching, monkeypatch):
-    lessons = PageLessons(Said(), make_app(teaching, ("127.0.0.1",)))
-    for error, reason in (
-        (OSError(28, "No space left on device"), "No space left on device"),
-        (OSError("it is gone"), "it is gone"),
-    ):
-        monkeypatch.setattr(lessons._profiles, "keep", Mock(side_effect=error))
-        told = asyncio.run(lessons._keep({"dance": "dance_001", "who": "", "total": 1.0}, {}))["not_saved"]
-        assert told == {"say": "this try could not be saved: {reason}", "reason": reason}
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), OSError("it is gone")])
+def test_a_try_that_cannot_be_saved_says_why_or_what_the_system_says(told, monkeypatch, error):
+    monkeypatch.setattr("kpopnet.teacher.server.Profiles.keep", Mock(side_effect=error))
+    text = told(("done", DONE, {}))["not_saved"]
+    assert text == {"say": "this try could not be saved: {reason}", "reason": error.strerror or "it is gone"}

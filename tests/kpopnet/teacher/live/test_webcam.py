@@ -59,7 +59,7 @@ def joints(monkeypatch):
     return found
 
 
-def test_a_person_has_the_joints_and_the_place_of_the_points(joints):
+def test_a_person_has_the_joints_and_the_place_of_the_points_and_is_where_the_picture_shows_them(joints):
     found, points = joints(message(ON_AXIS_M)), dict(zip(MEDIAPIPE_NAMES, world_m() + ON_AXIS_M, strict=True))
     expected_m = {
         Joint.RIGHT_SHOULDER: points["right_shoulder"],
@@ -73,11 +73,7 @@ def test_a_person_has_the_joints_and_the_place_of_the_points(joints):
     for joint, place_m in expected_m.items():
         np.testing.assert_allclose(found.joints_camera_m[joint] - torso_m, place_m - expected_m[Joint.TORSO], atol=1e-2)
     np.testing.assert_allclose(found.confidence, 0.5, atol=1e-6)  # what such a network says
-
-
-def test_a_person_is_placed_where_the_picture_shows_them(joints):
-    found, beside = (joints(message(place_m)) for place_m in (ON_AXIS_M, PLACE_M))
-    moved_m = beside.joints_camera_m - found.joints_camera_m
+    moved_m = joints(message(PLACE_M)).joints_camera_m - found.joints_camera_m
     np.testing.assert_allclose(np.median(moved_m, axis=0), PLACE_M - ON_AXIS_M, atol=0.03)
 
 
@@ -138,14 +134,6 @@ def test_a_recording_is_the_joints_of_its_pictures(joints):
         np.testing.assert_allclose(dance.joints_m[danced], alone.joints_camera_m)
 
 
-@pytest.mark.parametrize(
-    "given", [{}, {"frames": []}, {"frames": [{"time_s": 0.0}]}, {"frames": [{"time_s": 0.0, "points": []}]}, {"frames": [1]}]
-)
-def test_another_recording_is_refused(given):
-    with pytest.raises(InputError, match="the webcam's recording"):
-        recorded(given)
-
-
 def test_the_time_is_that_of_the_picture_and_silence_is_told(monkeypatch):
     monkeypatch.setattr("kpopnet.teacher.live.webcam.time.monotonic", lambda: 100.0)
     assert read_seen(message()).taken == pytest.approx(99.96)
@@ -157,17 +145,14 @@ def test_the_time_is_that_of_the_picture_and_silence_is_told(monkeypatch):
         camera.read()
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"points": "none"},
-        {"points": [[0.0] * 6]},
-        {"points": [[None] * 6] * 33},
-        {"points": [[1e9] * 6] * 33},
-        {"age_ms": -1.0},
-        {"age_ms": math.inf},
-    ],
-)
-def test_other_messages_are_refused(change):
-    with pytest.raises(InputError, match="the webcam's points"):
-        read_seen(message() | change)
+RECORDINGS = ({}, {"frames": []}, {"frames": [{"time_s": 0.0}]}, {"frames": [1]})
+POINTS = ("none", [[0.0] * 6], [[None] * 6] * 33, [[1e9] * 6] * 33)
+
+
+def test_other_messages_are_refused():
+    for given in RECORDINGS:
+        with pytest.raises(InputError, match="the webcam's recording"):
+            recorded(given)
+    for change in (*({"points": one} for one in POINTS), {"age_ms": -1.0}, {"age_ms": math.inf}):
+        with pytest.raises(InputError, match="the webcam's points"):
+            read_seen(message() | change)

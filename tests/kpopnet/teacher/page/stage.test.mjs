@@ -153,17 +153,35 @@ test("the latency is kept for the camera that was measured", async () => {
   leave();
 });
 
-// An image of a learner whose right hand is raised.
-function pointing() {
+// An image of a learner whose right hand is raised, and what else it tells.
+function pointing(more = {}) {
   const joints = Array.from({ length: 15 }, () => [0.5, 0.5, 2, 1]), hip = [0.5, 0.6, 2, 1];
   Object.assign(joints, { 1: [0.5, 0.4, 2, 1], 6: [0.45, 0.4, 2, 1], 9: hip, 10: hip });
-  const text = new TextEncoder().encode(JSON.stringify({ sent_ms: 0, taken_ms: 0, joints, guidance: "", time_s: null, parts: {} })), data = new Uint8Array(9 + text.length);
+  const content = { sent_ms: 0, taken_ms: 0, joints, guidance: "", words: "", time_s: null, parts: {}, ...more };
+  const text = new TextEncoder().encode(JSON.stringify(content)), data = new Uint8Array(9 + text.length);
   new DataView(data.buffer).setUint32(0, text.length, true);
   data.set(text, 4);
   data[4 + text.length] = data[6 + text.length] = 1; // a picture of one pixel
   heard.message({ data: data.buffer });
   draw(0);
 }
+
+test("learners beside each other are waited for, and have their own colour and score", async () => {
+  const { get, leave } = await opened(), second = { joints: null, parts: {}, so_far: null, time_s: null };
+  get("people").value = "2";
+  get("start").click();
+  told({ kind: "ready" });
+  pointing({ others: [second] });
+  assert.match(get("words").textContent, /^stand before/);
+  get("begin").click();
+  pointing({ time_s: 1, so_far: 82, others: [{ ...second, joints: Array(15).fill([0.7, 0.5, 2, 1]), so_far: 61.4, time_s: 1 }] });
+  told({ kind: "verdict", member: 1, number: 1, end_s: 1, total: 95, words: "" });
+  const rows = get("members").children.map(({ children: [swatch, score, , , , verdict] }) => [swatch.style.background, score.textContent, verdict.textContent]);
+  assert.deepEqual(rows.map(([, ...row]) => row), [["82", ""], ["61", "perfect"]]);
+  assert.notEqual(rows[0][0], rows[1][0]);
+  leave();
+  remember("people", 1);
+});
 
 // The overlay and its hint, for who points and holds.
 function byHand() {

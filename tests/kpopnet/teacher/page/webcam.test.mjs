@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import "./dom.mjs";
 
-const { cutOut, joined, loadPose, pointsOf } = await import("../../../../kpopnet/teacher/page/webcam.js");
+const { cutOut, joined, loadPose, pointsOf, Webcam } = await import("../../../../kpopnet/teacher/page/webcam.js");
 
 const at = (x, y) => ({ poseLandmarks: [{ x, y, z: 0, visibility: 0.8 }], poseWorldLandmarks: [{ x: 0.123456, y: -1, z: 2 }] });
 
@@ -31,6 +31,14 @@ test("a cut recording begins and ends with its excerpt, and keeps the times in b
 test("a joint is the mean of its points", () => {
   const joints = joined(Array.from({ length: 33 }, (_, k) => [k, 0, 0, 0, 0, 1]));
   assert.deepEqual(joints.map(([x]) => x), [7.5, 11.5, 12, 11, 14, 13, 18, 17, 17.5, 24, 23, 26, 25, 30, 29]);
+});
+
+test("a webcam that is refused or missing is told", async () => {
+  for (const [name, told] of [["NotAllowedError", /allow it beside the address/], ["NotFoundError", /no webcam was found/], ["Odd", /failed: odd/]]) {
+    const mediaDevices = { getUserMedia: () => Promise.reject(Object.assign(new Error("odd"), { name })) };
+    Object.defineProperty(globalThis, "navigator", { value: { mediaDevices }, configurable: true });
+    assert.match(await new Promise((failed) => { new Webcam(assert.fail, failed); }), told);
+  }
 });
 
 // Workers of which each answers every message as `answers` says: not at all because it did not load, or by a message.
