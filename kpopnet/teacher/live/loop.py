@@ -70,43 +70,35 @@ def noise_of(estimator: PoseEstimator) -> str:
     return name if name in NOISE else "none"
 
 
-class Learner:
-    """Chooses the learner among the people in view and stays with them: who walks by does not take over."""
+class Learners:
+    """Chooses the learners among the people in view and stays with them: who walks by does not take over."""
 
-    def __init__(self) -> None:
-        self.identity: int | None = None
-        self._seen = 0.0
+    def __init__(self, count: int) -> None:
+        self._known: list[tuple[int | None, float]] = [(None, 0.0)] * count  # the identity of each, and when it was seen last
 
-    def choose(self, people: list[PersonPose], now: float) -> PersonPose | None:
-        """The learner's pose among those of all people in one image, at `now` seconds; None if the learner is not there."""
-        for person in people:
-            if person.identity == self.identity:
-                self._seen = now
-                return person
-        if not people or (self.identity is not None and now - self._seen < LOST_S):
-            return None
-        # Who dances stands in the middle.
-        chosen = min(people, key=lambda person: abs(float(np.nan_to_num(person.joints_camera_m[Joint.TORSO, 0], nan=99.0))))
-        self.identity, self._seen = chosen.identity, now
-        return chosen
+    def choose(self, people: list[PersonPose], now: float) -> list[PersonPose | None]:
+        """The pose of each learner in one image, at `now` seconds, None of one who is not there; no person is two of them."""
+        poses = []
+        for number, (identity, seen) in enumerate(self._known):
+            others = {one for one, _ in self._known if one != identity}
+            free = [person for person in people if person.identity not in others]
+            pose = next((person for person in free if person.identity == identity), None)
+            if pose is None and free and (identity is None or now - seen >= LOST_S):
+                # Who dances stands in the middle.
+                pose = min(free, key=lambda one: abs(float(np.nan_to_num(one.joints_camera_m[Joint.TORSO, 0], nan=99.0))))
+            if pose is not None:
+                self._known[number] = pose.identity, now
+            poses.append(pose)
+        return poses
 
-
-def choose_each(learners: list[Learner], people: list[PersonPose], now: float) -> list[PersonPose | None]:
-    """The pose of each learner, as `Learner.choose`; no person is two of them."""
-    poses = []
-    for learner in learners:
-        others = {one.identity for one in learners if one is not learner}
-        poses.append(learner.choose([person for person in people if person.identity not in others], now))
-    return poses
-
-
-def from_the_left(learners: list[Learner], poses: list[PersonPose | None]) -> tuple[list[Learner], list[PersonPose | None]]:
-    """Learners and their poses from the left, as they face the camera, to the right; as they are while one is not seen."""
-    seen = [pose for pose in poses if pose is not None]
-    if len(seen) < len(poses):
-        return learners, poses
-    order = np.argsort([-one.joints_camera_m[Joint.TORSO, 0] for one in seen], kind="stable").tolist()
-    return [learners[place] for place in order], [poses[place] for place in order]
+    def in_order(self, poses: list[PersonPose | None]) -> list[PersonPose | None]:
+        """Counts them from the left, as they face the camera, if all are seen; their poses in that order."""
+        seen = [pose for pose in poses if pose is not None]
+        if len(seen) < len(poses):
+            return poses
+        order = np.argsort([-one.joints_camera_m[Joint.TORSO, 0] for one in seen], kind="stable").tolist()
+        self._known = [self._known[place] for place in order]
+        return [poses[place] for place in order]
 
 
 def taught_to(lesson: Lesson, dance: TaughtDance) -> list[int]:
@@ -165,10 +157,9 @@ class RunningLesson:
         if self._webcam and lesson.people > 1:
             raise InputError(Said("a webcam follows one learner; several need a depth camera"))
         self._estimator.people = max(PEOPLE, lesson.people)
-        self._taught = taught_to(lesson, dance)
-        self._tries = self._new_tries()
+        self._taught, self._learners = taught_to(lesson, dance), Learners(lesson.people)
         self._clock, self._away = DanceClock(lesson.from_s, lesson.speed), ""
-        self._learners = [Learner() for _ in self._tries]
+        self._tries = self._new_tries()
         camera = self._webcam or open_camera(lesson, dance, self._clock)
         self._camera, self.images = camera.camera, NewestImage(camera)
         self._patience_s = PICTURE_PATIENCE_S if self._webcam else FRAME_PATIENCE_S
@@ -180,8 +171,8 @@ class RunningLesson:
         return max(one.seen_s for one in self._tries)
 
     def _new_tries(self) -> list[DanceTry]:
-        kind, noise = Calibration if self._lesson.calibrate else DanceTry, noise_of(self._estimator)
-        return [kind(replace(self._lesson, dancer=dancer), self._dance.dancers[dancer], noise) for dancer in self._taught]
+        kind, how = Calibration if self._lesson.calibrate else DanceTry, (noise_of(self._estimator), self._clock)
+        return [kind(replace(self._lesson, dancer=dancer), self._dance.dancers[dancer], *how) for dancer in self._taught]
 
     def warm(self, kernels: CompiledKernels, connection: Connection) -> bool:
         """Compiles everything that the lesson needs, with progress, until poses come in real time.
@@ -240,19 +231,17 @@ class RunningLesson:
         image = images.fetch(self._patience_s)
         self._follow_away(images.away)
         if image is not None:
-            people, shown = self._estimator.update(image.depth_m, self._camera, image.taken), []
-            poses = choose_each(self._learners, people, image.taken)
-            if self._dance.others and not clock.running and clock.paused_s is None:
-                self._learners, poses = from_the_left(self._learners, poses)
-            for one, person in zip(self._tries, poses, strict=True):
-                one.score(clock, image, person)
-                shown.append(one.shown(clock, image, person, self._camera))
+            people = self._estimator.update(image.depth_m, self._camera, image.taken)
+            poses = self._learners.choose(people, image.taken)
+            if self._dance.others and clock.stopped:
+                poses = self._learners.in_order(poses)
+            shown = [one.see(image, pose, self._camera) for one, pose in zip(self._tries, poses, strict=True)]
             content = shown[0] | {"dropped": images.dropped, "others": shown[1:]}
             self._tell("frame", content, picture(NO_DEPTH_M if self._webcam else image.depth_m))
         for member, one in enumerate(self._tries):
-            if (verdict := one.next_verdict(clock)) is not None:
+            if (verdict := one.next_verdict()) is not None:
                 self._tell("verdict", verdict | {"member": member})
-        if clock.running and (self._tries[0].is_over(clock) or images.ended):
+        if clock.running and (self._tries[0].is_over or images.ended):
             clock.stop()
             (result, arrays), *others = [one.finish(images.dropped) for one in self._tries]
             for other, of_other in others:

@@ -49,9 +49,9 @@ CALIBRATION_SETTLED_S = 1.5 * CALIBRATION_BEAT_S
 class DanceTry:
     """One try of a dance, from its first image on."""
 
-    def __init__(self, lesson: Lesson, dance: TaughtDance, noise: str) -> None:
+    def __init__(self, lesson: Lesson, dance: TaughtDance, noise: str, clock: DanceClock) -> None:
         """Begins a try; `noise` is the name of the estimator's errors in `kpopnet.dance.noise.table.NOISE`."""
-        self._lesson, self._about = lesson, dance.about
+        self._lesson, self._about, self._clock = lesson, dance.about, clock
         self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)  # seconds of the dance
         self._config = scorer_config(lesson, noise)
         self._teacher = excerpt(dance.performance, self.begin_s, self.end_s)
@@ -78,13 +78,38 @@ class DanceTry:
         """Up to where the dance was scored."""
         return self._seen[-1][0] + self._config.latency_s if self._seen else self.begin_s
 
-    def is_over(self, clock: DanceClock) -> bool:
-        return clock.dance_s(time.monotonic()) > self.end_s + self._config.latency_s + 0.1
+    @property
+    def is_over(self) -> bool:
+        return self._clock.dance_s(time.monotonic()) > self.end_s + self._config.latency_s + 0.1
 
-    def score(self, clock: DanceClock, image: Image, person: PersonPose | None) -> None:
-        """Adds an image to the score, if the dance is going on and the learner is there."""
-        time_s = clock.dance_s(image.taken)
-        if not clock.running or time_s < self.begin_s or (self._seen and time_s <= self.seen_s):
+    def see(self, image: Image, person: PersonPose | None, camera: Camera) -> dict:
+        """Adds an image to the score, if the dance is going on and the learner is there; what the page shows of it: joints in
+        fractions of the picture, scores, words, and the time it was taken.
+        """
+        self._score(image, person)
+        points = None
+        if person is not None:
+            uvz = camera.project(person.joints_camera_m) / [camera.width, camera.height, 1.0]
+            points = [[rounded(value, 3) for value in point] for point in np.column_stack([uvz, person.confidence])]
+        latest = self._latest if self._clock.running else None
+        parts, own = (latest.parts if latest else {}), (exchanged if latest and latest.mirrored else str)
+        age_s = time.monotonic() - image.taken
+        self._ages_ms.append(round(1000 * age_s))
+        return {
+            "time_s": rounded(self._clock.dance_s(image.taken), 3) if self._clock.running else None,
+            "joints": points,
+            "guidance": where_to_stand(person, camera),
+            "words": self._words if latest and not latest.similarity >= PRAISED_FROM else "",
+            "total": rounded(latest.similarity, 3) if latest else None,
+            "so_far": rounded(latest.so_far, 3) if latest else None,
+            "delay_s": rounded(latest.delay_s, 3) if latest else None,
+            "parts": {own(name): rounded(value, 3) for name, value in parts.items()},
+            "taken_ms": round(1000 * (time.time() - age_s), 1),  # of the wall clock, as the page's
+        }
+
+    def _score(self, image: Image, person: PersonPose | None) -> None:
+        time_s = self._clock.dance_s(image.taken)
+        if not self._clock.running or time_s < self.begin_s or (self._seen and time_s <= self.seen_s):
             return
         self._images += 1
         if person is None:
@@ -132,7 +157,7 @@ class DanceTry:
         words = "" if praised else move_reason(latest, self._scorer.score_so_far(), end_s - move_s)
         self._verdict = {"number": number, "end_s": end_s, "total": rounded(latest.similarity, 3), "words": words}
 
-    def next_verdict(self, clock: DanceClock) -> dict | None:
+    def next_verdict(self) -> dict | None:
         """The verdict on a move that has just ended, once.
 
         It holds the number of the move, from 1; end_s in the dance; total, 0 to 100 or None; the words why it is not more, ""
@@ -141,31 +166,9 @@ class DanceTry:
         verdict, self._verdict = self._verdict, None
         if verdict is None:
             return None
-        after_s = clock.dance_s(time.monotonic()) - self._config.latency_s - verdict["end_s"]
+        after_s = self._clock.dance_s(time.monotonic()) - self._config.latency_s - verdict["end_s"]
         self._verdicts_ms.append(round(1000 * after_s / self._lesson.speed))
         return verdict | {"after_ms": self._verdicts_ms[-1]}
-
-    def shown(self, clock: DanceClock, image: Image, person: PersonPose | None, camera: Camera) -> dict:
-        """What the page shows of an image: joints in fractions of the picture, scores, words, and the time it was taken."""
-        points = None
-        if person is not None:
-            uvz = camera.project(person.joints_camera_m) / [camera.width, camera.height, 1.0]
-            points = [[rounded(value, 3) for value in point] for point in np.column_stack([uvz, person.confidence])]
-        latest = self._latest if clock.running else None
-        parts, own = (latest.parts if latest else {}), (exchanged if latest and latest.mirrored else str)
-        age_s = time.monotonic() - image.taken
-        self._ages_ms.append(round(1000 * age_s))
-        return {
-            "time_s": rounded(clock.dance_s(image.taken), 3) if clock.running else None,
-            "joints": points,
-            "guidance": where_to_stand(person, camera),
-            "words": self._words if latest and not latest.similarity >= PRAISED_FROM else "",
-            "total": rounded(latest.similarity, 3) if latest else None,
-            "so_far": rounded(latest.so_far, 3) if latest else None,
-            "delay_s": rounded(latest.delay_s, 3) if latest else None,
-            "parts": {own(name): rounded(value, 3) for name, value in parts.items()},
-            "taken_ms": round(1000 * (time.time() - age_s), 1),  # of the wall clock, as the page's
-        }
 
     def finish(self, dropped: int) -> tuple[dict, dict[str, np.ndarray]]:
         """The result of the try, see `try_result`, and the learner's joints as `read_performance` reads them.
@@ -203,9 +206,9 @@ class Calibration(DanceTry):
     def compile(self) -> None:
         """Nothing needs to be compiled."""
 
-    def score(self, clock: DanceClock, image: Image, person: PersonPose | None) -> None:
-        time_s = clock.dance_s(image.taken)
-        if clock.running and person is not None and time_s >= CALIBRATION_SETTLED_S:
+    def _score(self, image: Image, person: PersonPose | None) -> None:
+        time_s = self._clock.dance_s(image.taken)
+        if self._clock.running and person is not None and time_s >= CALIBRATION_SETTLED_S:
             self._seen.append((time_s, person.joints_camera_m, person.confidence))
 
     def finish(self, dropped: int) -> tuple[dict, dict[str, np.ndarray]]:

@@ -15,7 +15,7 @@ from kpopnet.skeleton import Joint
 from kpopnet.teacher.adding import add_group
 from kpopnet.teacher.library import Library
 from kpopnet.teacher.live.lesson import Lesson
-from kpopnet.teacher.live.loop import Learner, from_the_left, taught_to
+from kpopnet.teacher.live.loop import Learners, taught_to
 from kpopnet.teacher.live.score import kept_formation
 from kpopnet.teacher.posing import as_bvh
 from synth.motion.choreography.composer import dance as composed
@@ -102,11 +102,12 @@ def test_learners_dance_neighbours_in_the_order_in_which_they_stand(group):
             assert taught_to(Lesson("dance_001", people=people, dancer=dancer, mirrored=mirrored), dance) == expected
     assert taught_to(Lesson("dance_001", people=3), replace(dance, others=dance.others[:1])) == [0, 1, 1]
     assert taught_to(Lesson("dance_001", people=3), replace(dance, others=())) == [0, 0, 0]
-    learners = [Learner(), Learner(), Learner()]
-    poses = [PersonPose(k, np.full((15, 3), x_m), np.ones(15)) for k, x_m in enumerate((-0.5, 1.0, 0.2))]
-    ordered, seen = from_the_left(learners, poses)
-    assert [one.identity for one in seen] == [1, 2, 0] and ordered == [learners[1], learners[2], learners[0]]
-    assert from_the_left(learners, [poses[0], None, poses[2]])[0] == learners
+    learners = Learners(3)
+    people = [PersonPose(k, np.full((15, 3), x_m), np.ones(15)) for k, x_m in enumerate((-0.5, 1.0, 0.2))]
+    poses = learners.choose(people, 0.0)
+    assert learners.in_order([None, *poses[1:]]) == [None, *poses[1:]] and learners.choose(people, 1.0) == poses
+    assert [one.identity for one in learners.in_order(poses)] == [1, 2, 0]
+    assert [one.identity for one in learners.choose(people, 2.0)] == [1, 2, 0]
 
 
 def test_a_formation_is_kept_or_told(group):

@@ -15,7 +15,7 @@ from kpopnet.sources.live import NewestImage
 from kpopnet.sources.source import CameraAwayError
 from kpopnet.teacher.live import loop
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from kpopnet.teacher.live.loop import Learner, choose_each
+from kpopnet.teacher.live.loop import Learners
 from kpopnet.teacher.live.webcam import read_seen
 
 FPS, LATE_S = 30, 0.2
@@ -61,21 +61,20 @@ def test_who_stands_in_the_middle_is_the_learner_and_passers_by_do_not_take_over
     def person(identity: int, x_m: float) -> PersonPose:
         return PersonPose(identity, np.full((15, 3), x_m, np.float32), np.ones(15, np.float32))
 
-    learner = Learner()
-    assert learner.choose([], 0.0) is None
-    assert learner.choose([person(4, -0.9), person(7, 0.1)], 0.0).identity == 7
-    assert learner.choose([person(4, 0.0), person(7, 1.0)], 1.0).identity == 7
-    assert learner.choose([person(4, 0.0)], 2.0) is None
-    assert learner.choose([person(4, 0.0)], 4.5).identity == 4
-    assert learner.choose([person(7, 0.0), person(4, 0.5)], 5.0).identity == 4
-    two = [Learner(), Learner()]
-    for now, people, identities in (
-        (0.0, [person(4, -0.9), person(7, 0.1)], [7, 4]),
-        (1.0, [person(7, 1.0), person(4, 0.0)], [7, 4]),  # they change places
-        (2.0, [person(4, 0.0), person(9, 0.2)], [None, 4]),
-        (4.5, [person(4, 0.0), person(9, 0.2)], [9, 4]),
+    one, two = Learners(1), Learners(2)
+    for learners, now, people, identities in (
+        (one, 0.0, [], [None]),
+        (one, 0.0, [person(4, -0.9), person(7, 0.1)], [7]),
+        (one, 1.0, [person(4, 0.0), person(7, 1.0)], [7]),
+        (one, 2.0, [person(4, 0.0)], [None]),
+        (one, 4.5, [person(4, 0.0)], [4]),
+        (one, 5.0, [person(7, 0.0), person(4, 0.5)], [4]),
+        (two, 0.0, [person(4, -0.9), person(7, 0.1)], [7, 4]),
+        (two, 1.0, [person(7, 1.0), person(4, 0.0)], [7, 4]),  # they change places
+        (two, 2.0, [person(4, 0.0), person(9, 0.2)], [None, 4]),
+        (two, 4.5, [person(4, 0.0), person(9, 0.2)], [9, 4]),
     ):
-        assert [one and one.identity for one in choose_each(two, people, now)] == identities
+        assert [pose and pose.identity for pose in learners.choose(people, now)] == identities
 
 
 def test_the_picture_tells_near_from_far_and_from_nothing():

@@ -17,19 +17,21 @@ from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.score import LEAST_S, Calibration, DanceTry, excerpt, scorer_config
 from synth.dances.live import ON_THE_BEAT, LiveLearner
 
-CAMERA, DEPTH_M = CAMERAS["kinect_v1"], np.zeros((240, 320), np.float32)
+DEPTH_M = np.zeros((240, 320), np.float32)
 
 
-def seen(joints_m: np.ndarray) -> PersonPose:
-    return PersonPose(1, joints_m, np.ones(15))
+def begun(dance, kind: type[DanceTry] = DanceTry, **lesson) -> DanceTry:
+    """A try of a dance that began at the moment 0."""
+    asked = Lesson("dance_001", **lesson)
+    clock = DanceClock(0.0, asked.speed)
+    clock._start = 0.0
+    return kind(asked, dance, "none", clock)
 
 
-class AtOnce(DanceClock):
-    """A clock whose dance began at 0."""
-
-    def __init__(self, speed: float = 1.0) -> None:
-        super().__init__(0.0, speed)
-        self._start = 0.0
+def look(one: DanceTry, taken: float, joints_m: np.ndarray | None) -> dict:
+    """What is shown of an image in which the learner has these joints."""
+    person = None if joints_m is None else PersonPose(1, joints_m, np.ones(15))
+    return one.see(Image(DEPTH_M, float(taken)), person, CAMERAS["kinect_v1"])
 
 
 @pytest.fixture(scope="module")
@@ -37,25 +39,24 @@ def dance(library):
     return library.dance("dance_001")
 
 
-def danced(dance, fps: float, lesson: Lesson, late_s: float = 0.0, seconds: float = 6.0) -> dict:
+def danced(dance, fps: float, late_s: float = 0.0, to_s: float = 6.0, speed: float = 1.0, latency_s: float = 0.0) -> dict:
     """The result of a perfect learner of whom an image is taken `fps` times a second."""
-    one, clock = DanceTry(lesson, dance, "none"), AtOnce(lesson.speed)
-    for taken in np.arange(0.0, seconds / lesson.speed, 1 / fps):
-        frame = round(max(clock.dance_s(taken - late_s), 0.0) * dance.fps)
-        one.score(clock, Image(DEPTH_M, float(taken)), seen(dance.joints_m[frame]))
+    one = begun(dance, to_s=to_s, speed=speed, latency_s=latency_s)
+    for taken in np.arange(0.0, to_s / speed + latency_s, 1 / fps):
+        look(one, taken, dance.joints_m[round(max((taken - late_s) * speed, 0.0) * dance.fps)])
     result, recorded = one.finish(0)
     assert len(recorded["times_s"]) == result["notes"]["frames"]
     return result
 
 
 def test_a_perfect_learner_scores_full_at_half_the_speed(dance):
-    result = danced(dance, 30.0, Lesson("dance_001", to_s=6.0, speed=0.5))
+    result = danced(dance, 30.0, speed=0.5)
     assert result["total"] > 98 and result["worst"] == [] and result["notes"]["fps"] == pytest.approx(30, abs=0.5)
 
 
 @pytest.mark.parametrize(("fps", "least"), [(6.0, 95.0), (3.0, 75.0)])
 def test_a_slow_machine_costs_little_and_is_told(dance, fps, least):
-    result = danced(dance, fps, Lesson("dance_001", to_s=6.0))
+    result = danced(dance, fps)
     assert result["total"] > least and f"only {fps:.0f} images a second" in result["hints"][0]
     assert not any("no person" in hint for hint in result["hints"])
 
@@ -70,39 +71,36 @@ def test_words_that_take_long_are_new_less_often(dance, monkeypatch, took_s, mos
 
     monkeypatch.setattr(live_score, "latest_words", words)
     monkeypatch.setattr(live_score.time, "perf_counter", lambda: moments_s[-1])
-    danced(dance, 30.0, Lesson("dance_001", to_s=6.0))
+    danced(dance, 30.0)
     assert most / 2 < len(moments_s) - 1 <= most
 
 
 @pytest.mark.parametrize(("speed", "late_s"), [(1.0, 0.2), (0.5, 0.4)])
 def test_a_constant_delay_is_measured_and_taken_off(dance, speed, late_s):
-    lesson = Lesson("dance_001", to_s=6.0, speed=speed)
-    late = danced(dance, 15.0, lesson, late_s=late_s)
+    late = danced(dance, 15.0, late_s, speed=speed)
     assert late["latency_s"] == pytest.approx(late_s, abs=0.05) and late["timing"] < 95
-    mended = danced(dance, 15.0, replace(lesson, latency_s=late["latency_s"]), late_s=late_s, seconds=6.2)
+    mended = danced(dance, 15.0, late_s, speed=speed, latency_s=late["latency_s"])
     assert mended["timing"] > 97 and mended["total"] > late["total"]
 
 
 def test_no_person_has_no_score_and_a_long_gap_stays_one(dance):
-    one = DanceTry(Lesson("dance_001", to_s=8.0), dance, "none")
-    shown = one.shown(AtOnce(), Image(DEPTH_M, 1.0), None, CAMERA)
+    one = begun(dance, to_s=8.0)
+    shown = look(one, 0.0, None)
     assert shown["guidance"] == "no person seen" and shown["joints"] is None
     result, recorded = one.finish(0)
     assert result["total"] is None and "no person" in result["hints"][0] and recorded["joints_m"].shape == (0, 15, 3)
-    clock = AtOnce()
     for taken in np.arange(0, 8, 1 / 15):
-        person = seen(dance.joints_m[round(taken * 30)]) if taken < 3 or taken > 6 else None
-        one.score(clock, Image(DEPTH_M, float(taken)), person)
+        look(one, taken, dance.joints_m[round(taken * 30)] if taken < 3 or taken > 6 else None)
     result, _ = one.finish(0)
     assert any("no person in the picture" in hint for hint in result["hints"]) and result["total"] < 85
     assert not any("images a second" in hint for hint in result["hints"])  # it is not the machine's fault
 
 
 def test_missing_joints_are_shown_as_missing(dance):
-    one, joints_m = DanceTry(Lesson("dance_001"), dance, "none"), dance.joints_m[0].copy()
+    joints_m = dance.joints_m[0].copy()
     joints_m[3] = np.nan
-    shown = one.shown(AtOnce(), Image(DEPTH_M, 0.0), seen(joints_m), CAMERA)
-    assert shown["joints"][3][:3] == [None, None, None] and 0 < shown["joints"][8][0] < 1
+    joints = look(begun(dance), 0.0, joints_m)["joints"]
+    assert joints[3][:3] == [None, None, None] and 0 < joints[8][0] < 1
 
 
 def test_in_a_mirror_left_is_left_and_on_a_stage_both_are_right():
@@ -115,18 +113,15 @@ def test_who_mirrors_a_teacher_on_a_stage_is_told_of_their_own_sides(dance):
     mirrored_m = dance.joints_m[:, MIRROR] * np.array([-1.0, 1, 1], np.float32)
     mirrored_m[:, Joint.LEFT_ELBOW] = mirrored_m[:, Joint.LEFT_SHOULDER] + [0.02, 0.28, 0]  # their left arm hangs
     mirrored_m[:, Joint.LEFT_HAND] = mirrored_m[:, Joint.LEFT_ELBOW] + [0.02, 0.25, 0]
-    one, clock, words = DanceTry(Lesson("dance_001", to_s=8.0, mirrored=False), dance, "none"), AtOnce(), set()
+    one, words = begun(dance, to_s=8.0, mirrored=False), set()
     for taken in np.arange(0.0, 8.0, 1 / 15):
-        image, person = Image(DEPTH_M, float(taken)), seen(mirrored_m[round(taken * 30)])
-        one.score(clock, image, person)
-        words |= {one.shown(clock, image, person, CAMERA)["words"], (one.next_verdict(clock) or {"words": ""})["words"]}
-    shown = one.shown(clock, image, person, CAMERA)
+        shown = look(one, taken, mirrored_m[round(taken * 30)])
+        words |= {shown["words"], (one.next_verdict() or {"words": ""})["words"]}
     assert shown["parts"]["left arm"] < 50 < 90 < shown["parts"]["right arm"]
     assert any(text.startswith("left arm") for text in words) and not any("right arm" in text for text in words)
     result, _ = one.finish(0)  # as while dancing
-    assert (
-        result["parts"]["left arm"] < 50 < 90 < result["parts"]["right arm"] and "compared as in a mirror" in result["hints"][0]
-    )
+    assert result["parts"]["left arm"] < 50 < 90 < result["parts"]["right arm"]
+    assert "compared as in a mirror" in result["hints"][0]
     assert np.mean(result["course"]["parts"]["left arm"]) < 50 and result["coverage"]["left arm"] > 0.9
     moments = [*result["worst"], *(moment for phrase in result["phrases"] for moment in phrase["moments"])]
     told = [text for moment in moments for text in (moment["words"], moment["text"], moment["part"])]
@@ -136,12 +131,12 @@ def test_who_mirrors_a_teacher_on_a_stage_is_told_of_their_own_sides(dance):
 
 def verdicts(dance, learner: Performance, seconds: float = 6.5) -> list[tuple[float, dict]]:
     """The verdicts on what a learner danced, with the time of the newest image at each."""
-    one, clock, found = DanceTry(Lesson("dance_001", to_s=seconds), dance, "none"), AtOnce(), []
+    one, found = begun(dance, to_s=seconds), []
     for joints_m, time_s in zip(learner.joints_m, learner.times_s.tolist(), strict=True):
-        one.score(clock, Image(DEPTH_M, time_s), seen(joints_m))
-        if verdict := one.next_verdict(clock):
+        look(one, time_s, joints_m)
+        if verdict := one.next_verdict():
             found.append((time_s, verdict))
-            assert one.next_verdict(clock) is None
+            assert one.next_verdict() is None
     return found
 
 
@@ -190,12 +185,11 @@ def test_in_a_part_that_is_left_free_there_are_no_verdicts_and_the_total_is_the_
     found = [one for _, one in verdicts(free, Performance(joints_m, whole.times_s), 6 * each_s)]
     assert [one["number"] for one in found] == [1, 2, 5, 6] and found[0]["total"] > 99
 
-    lesson = Lesson("dance_001", to_s=6 * each_s)
-    result = danced(free, 30.0, lesson, seconds=6 * each_s)
+    result = danced(free, 30.0, to_s=6 * each_s)
     assert result["weights"] == about.weights and result["total"] > 95 and result["free"]["energy"] > 95
-    assert danced(dance, 30.0, lesson, seconds=6 * each_s)["free"] == {}
+    assert danced(dance, 30.0, to_s=6 * each_s)["free"] == {}
     nothing = replace(dance, about=replace(about, free_s=[[0, 99]]))
-    assert danced(nothing, 30.0, lesson, seconds=6 * each_s)["hints"] == ["all of this is free: nothing was compared"]
+    assert danced(nothing, 30.0, to_s=6 * each_s)["hints"] == ["all of this is free: nothing was compared"]
 
 
 def test_moves_too_short_to_be_scored_begin_with_the_first_that_can_be(dance):
@@ -207,13 +201,10 @@ def test_moves_too_short_to_be_scored_begin_with_the_first_that_can_be(dance):
 
 def measured(dance, joints_at) -> dict:
     """The result of a calibration of 12 s; `joints_at` gives the learner's joints at a time in seconds."""
-    step, clock = Calibration(Lesson("dance_001", to_s=12.0, calibrate=True), dance, "none"), AtOnce()
+    step = begun(dance, Calibration, to_s=12.0, calibrate=True)
     step.compile()
     for taken in np.arange(0, 12, 1 / 15):
-        joints_m, image = joints_at(float(taken)), Image(DEPTH_M, float(taken))
-        person = None if joints_m is None else seen(joints_m)
-        step.score(clock, image, person)
-        assert step.shown(clock, image, person, CAMERA)["total"] is None and step.next_verdict(clock) is None
+        assert look(step, taken, joints_at(float(taken)))["total"] is None and step.next_verdict() is None
     result, _ = step.finish(0)
     assert result["total"] is None  # it is no try of the dance
     return result
