@@ -79,16 +79,13 @@ def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) ->
             image = image._replace(time_s=image.time_s - start_s)
             times_s.append(image.time_s)
             if abs(image.time_s) > ABSOLUTE_S or image.time_s - times_s[0] > MAX_DURATION_S:
-                text = (
-                    f"an image at {image.time_s:g} s; expected times in seconds from 0, of at most {MAX_DURATION_S:g} s in all"
+                raise InputError(
+                    f"{source.name}: an image at {image.time_s:g} s; expected times in seconds from 0, of at most "
+                    f"{MAX_DURATION_S:g} s in all; --fps overrides them"
                 )
-                raise InputError(f"{source.name}: {text}; --fps overrides them")
             yield image
 
-    people = estimator.estimate(images(), source.camera, source.fps, segmented=segmented)
-    if not times_s:
-        raise InputError(f"{source.name}: no image in it")
-    return people, np.array(times_s)
+    return estimator.estimate(images(), source.camera, source.fps, segmented=segmented), np.array(times_s)
 
 
 def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray, out: Path, gif: bool) -> list[Path]:

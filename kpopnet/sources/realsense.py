@@ -63,8 +63,6 @@ def _images(path: Path) -> Iterator[StoredImage]:
                 first_ms = frame.get_timestamp() if first_ms is None else first_ms
                 yield StoredImage(_depth_of(frame), f"{path}: frame {number}", (frame.get_timestamp() - first_ms) / 1000)
                 number += 1
-    if not number:
-        raise InputError(f"{path}: no depth image in it")
 
 
 @contextlib.contextmanager

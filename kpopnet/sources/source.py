@@ -70,7 +70,7 @@ class DepthSource:
     def timed(self) -> Iterator[TimedDepth]:
         """The images with their times.
 
-        Raises InputError: an image is damaged, no depth, or not of the camera's size, or its time is not after the one before.
+        Raises InputError: no image, or one that is damaged, no depth, not of the camera's size, or not after the one before.
         """
         before_s = -np.inf
         for number, image in enumerate(self.images()):
@@ -86,6 +86,8 @@ class DepthSource:
                 )
             before_s = time_s
             yield TimedDepth(time_s, depth_m)
+        if before_s == -np.inf:
+            raise InputError(f"{self.name}: no image in it")
 
 
 def check_size(where: str, width: int, height: int, frames: int | None = None) -> None:

@@ -26,8 +26,6 @@ CONTAINERS = {".mkv": "matroska", ".avi": "avi"}
 """The demuxer of each ending. FFmpeg is not left to guess: its playlists would open other files and the network."""
 
 DEPTH_FORMATS = ("gray16le", "gray16be")
-
-
 DEPTH_TITLES, INFRARED_TITLES = ("DEPTH",), ("IR", "DEPTH_IR")
 DEPTH_TAG, INFRARED_TAG = "K4A_DEPTH_MODE", "K4A_IR_MODE"
 """How an Azure Kinect marks its tracks."""
@@ -69,8 +67,6 @@ def _images(path: Path) -> Iterator[StoredImage]:
                 expect(frame.format.name in DEPTH_FORMATS, f"{path}: frame {number}", f"16-bit grey, found {frame.format.name}")
                 yield StoredImage(frame.to_ndarray(format="gray16le"), f"{path}: frame {number}", frame.time)
                 number += 1
-    if not number:
-        raise InputError(f"{path}: no image in it")
 
 
 @contextmanager
