@@ -47,23 +47,15 @@ def read_folder(folder: Path, key: str | None) -> Recording:
 
 
 def images_in(folder: Path, pattern: str) -> list[Path]:
-    """The images of a folder whose names fit a pattern, in natural order, or in that of the seconds in their names.
+    """The images of a folder whose names fit a pattern, in natural order, or in that of decimals in their names.
 
-    Raises InputError where the names do not tell which of both they mean.
+    Fractions that begin with 0 and do not end with it are decimals without trailing zeros (84231.0333, 84231.1), those that end
+    with 0 are numbers of images (3.9, 3.10). Raises InputError where neither occurs and both orders differ.
     """
     try:
         paths = [path for path in folder.glob(pattern) if path.suffix.lower() in SUFFIXES and not path.name.startswith(".")]
     except (OSError, ValueError, NotImplementedError) as error:
         raise InputError(f"{folder}: images named {pattern} cannot be listed ({error})") from error
-    return ordered(folder, paths)
-
-
-def ordered(folder: Path, paths: list[Path]) -> list[Path]:
-    """Paths in natural order; in that of decimals where each name has one whose trailing zeros were dropped.
-
-    Fractions that begin with 0 and do not end with it are decimals (84231.0333, 84231.1), those that end with 0 are numbers of
-    images (3.9, 3.10); where neither occurs and both orders differ, InputError is raised.
-    """
     whole = sorted(paths, key=natural)
     fractions = [FRACTION.findall(path.stem) for path in paths]
     if any(len(one) != 1 for one in fractions) or len({len(one) for (one,) in fractions}) < 2:
