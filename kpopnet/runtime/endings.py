@@ -8,8 +8,7 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from types import FrameType
 from typing import ParamSpec, TextIO, TypeGuard, TypeVar
 
@@ -54,14 +53,19 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
         logging.raiseExceptions = False  # where no log can be written, no result can: that error is printed
         threading.excepthook = _thread_ended
         try:
-            with _told():
-                return function(*args, **kwargs)
+            try:
+                result = function(*args, **kwargs)
+            except SystemExit:
+                _flush()
+                raise
+            _flush()  # here, where errors of it can still be caught
+            return result
         except KeyboardInterrupt:
             print("stopped", file=sys.stderr)
             raise SystemExit(130) from None
         except Exception as error:
             if isinstance(error, BrokenPipeError) and _is_unread(sys.stdout):
-                _silence(sys.stdout)
+                silence_output()
                 raise SystemExit(141) from None  # as a shell says of a program that `| head` ended
             if (message := _message(error)) is None:
                 raise
@@ -69,21 +73,10 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
             try:
                 _flush()
             except OSError:  # the disk to which this program's output goes is full: Python would say so once more
-                _silence(sys.stdout)
+                silence_output()
             raise SystemExit(1) from None
 
     return careful
-
-
-@contextmanager
-def _told() -> Iterator[None]:
-    """What was printed is written at the end, also of a program that exits, while errors of it can still be caught."""
-    try:
-        yield
-    except SystemExit:
-        _flush()
-        raise
-    _flush()
 
 
 def _flush() -> None:
@@ -91,9 +84,9 @@ def _flush() -> None:
         sys.stdout.flush()
 
 
-def _silence(stream: TextIO) -> None:
+def silence_output() -> None:
     """What is left to print goes nowhere."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _is_unread(stream: TextIO | None) -> bool:
