@@ -11,9 +11,7 @@ person to DATA/joints-personN-TIME.npz, which `kpopnet score` reads. docs/live.m
 """
 
 import argparse
-import os
 import sys
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -23,10 +21,8 @@ from kpopnet.live.streams import PORTS, STREAMS, TO_STDOUT, ReaderGoneError
 from kpopnet.pose.estimator import MAX_PEOPLE
 from kpopnet.programs import arguments
 from kpopnet.runtime.compilation import announce_compilation
-from kpopnet.runtime.endings import user_errors
-from kpopnet.sources import DepthSource
+from kpopnet.runtime.endings import silence_output, user_errors
 from kpopnet.sources.live import LIVE_CAMERAS, PlayedRecording, check_live, is_live, open_live, shared_live
-from kpopnet.sources.source import LiveCamera
 from kpopnet.tracker.refine import compile_refining
 
 PORT = 8473
@@ -50,11 +46,6 @@ def parsed() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def open_recording(open_source: Callable[[], DepthSource], loop: bool) -> LiveCamera:
-    """Opens a recording as a camera."""
-    return PlayedRecording(open_source(), loop)
-
-
 def watching(given: argparse.Namespace) -> Watching:
     """What the command line asks to watch; raises InputError for mistakes in it."""
     if given.source is None:
@@ -76,7 +67,7 @@ def watching(given: argparse.Namespace) -> Watching:
             raise InputError(f"{path}: no such recording, and no camera; there are {', '.join(LIVE_CAMERAS)}")
         open_source, name = arguments.opener(path, given, in_child=True), path.name
         open_source()
-        open_camera = partial(open_recording, open_source, given.loop)
+        open_camera = partial(PlayedRecording, open_source, given.loop)
     return Watching(name, open_camera, given.data, given.checkpoint, given.people, given.stream, given.port_out)
 
 
@@ -91,7 +82,7 @@ def watch_alone(asked: Watching) -> None:
     try:
         Watcher(asked, tell, lambda: iter(())).run()
     except ReaderGoneError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the last lines have nowhere to go
+        silence_output()  # the last lines have nowhere to go
 
 
 @user_errors

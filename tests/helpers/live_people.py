@@ -8,8 +8,8 @@ from teacher_page import UnsteadyCamera
 from two_people_files import CAMERA, two_people_mm
 
 from kpopnet.live.loop import Watching
-from kpopnet.programs.live import open_recording
 from kpopnet.sources import open_depth
+from kpopnet.sources.live import PlayedRecording
 from kpopnet.sources.source import LiveCamera
 
 FRAMES, FPS = 46, 15.0
@@ -30,10 +30,10 @@ def write_recording(folder: Path) -> np.ndarray:
 
 def open_unsteady_recording(folder: Path) -> LiveCamera:
     """The recording, again and again, as a camera that is unplugged while folder/unplugged exists."""
-    return UnsteadyCamera(folder / "unplugged", open_recording(partial(open_depth, folder / "two.npz"), loop=True))
+    return UnsteadyCamera(folder / "unplugged", PlayedRecording(partial(open_depth, folder / "two.npz"), loop=True))
 
 
 def watched(folder: Path, loop: bool = True, **others: object) -> Watching:
     """The recording of a folder in its own time."""
-    opened = partial(open_recording, partial(open_depth, folder / "two.npz"), loop)
+    opened = partial(PlayedRecording, partial(open_depth, folder / "two.npz"), loop)
     return Watching("two.npz", **{"open_camera": opened, "folder": folder / "kept"} | others)

@@ -97,10 +97,10 @@ class PlayedRecording:
         paused: whether it stands still.
     """
 
-    def __init__(self, source: DepthSource, loop: bool = False) -> None:
-        self.camera, self.paused = source.camera, False
-        self._source, self._loop, self._closed = source, loop, False
-        self._images: Iterator[TimedDepth] = source.timed()
+    def __init__(self, open_source: Callable[[], DepthSource], loop: bool = False) -> None:
+        self._source, self._loop, self._closed = open_source(), loop, False
+        self.camera, self.paused = self._source.camera, False
+        self._images: Iterator[TimedDepth] = self._source.timed()
         self._start: float | None = None
 
     def read(self) -> tuple[np.ndarray, float] | None:

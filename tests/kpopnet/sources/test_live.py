@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,12 +26,13 @@ METRES = MILLIMETRES.astype(np.float32) / 1000
 FPS = 50.0
 
 
-def recording(folder):
-    return open_depth(write_npz(folder / "a.npz", MILLIMETRES, fps=FPS))
+def played(folder, **how):
+    write_npz(folder / "a.npz", MILLIMETRES, fps=FPS)
+    return PlayedRecording(partial(open_depth, folder / "a.npz"), **how)
 
 
 def test_a_recording_is_played_in_its_own_time_to_its_end(tmp_path):
-    camera, began = PlayedRecording(recording(tmp_path)), time.monotonic()
+    camera, began = played(tmp_path), time.monotonic()
     read = [camera.read() for _ in range(len(METRES))]
     assert time.monotonic() - began >= (len(METRES) - 1) / FPS - 0.01 and camera.camera == CAMERA
     np.testing.assert_array_equal([depth_m for depth_m, _ in read], METRES)
@@ -39,7 +41,7 @@ def test_a_recording_is_played_in_its_own_time_to_its_end(tmp_path):
 
 
 def test_a_recording_in_a_loop_stands_still_while_it_is_not_read(tmp_path):
-    camera = PlayedRecording(recording(tmp_path), loop=True)
+    camera = played(tmp_path, loop=True)
     camera.read()
     time.sleep(0.5)  # longer than the recording
     began = time.monotonic()
