@@ -15,7 +15,6 @@ Without recordings, try it on simulated dances (which no person danced):
 """
 
 import argparse
-import json
 from functools import cache, partial
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from kpopnet.datasets.dances.writer import write_labels
 from kpopnet.errors import InputError, check_seed
 from kpopnet.evaluation.dances.raters import agreed_order, votes_of
 from kpopnet.programs.arguments import add_address, check_server, program_parser
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -76,7 +76,7 @@ def report(given: argparse.Namespace, dances: KpopSet, learners: dict[str, list[
     blocks, figures = rating_report(dances, read_all_ratings(dances.folder, learners), given.seed, available_cores())
     with locked(given.out):
         write_text(given.out / "ratings.html", as_html(blocks))
-        write_text(given.out / "ratings.json", json.dumps(figures, indent=1, allow_nan=False) + "\n")
+        write_json(given.out / "ratings.json", figures, allow_nan=False)
     print(as_text([*blocks, f"look at {given.out / 'ratings.html'}"]))
 
 

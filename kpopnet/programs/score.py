@@ -12,7 +12,6 @@ earlier score in the same folder is replaced.
 """
 
 import argparse
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +31,7 @@ from kpopnet.evaluation.report import printable, write_text
 from kpopnet.evaluation.values import plain
 from kpopnet.languages import LANGUAGES, Said, in_language
 from kpopnet.programs.arguments import add_grading, check_grading, program_parser
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.skeleton import Joint
@@ -136,8 +136,8 @@ def main() -> None:
     content = score_json(score, advice, diagnosis, beat_s) | plain(total)
     content |= files | {"scorer": {"name": given.scorer, "feature": scorer.feature, **content["scorer"]}}
     with locked(given.out):
-        for name, text in (("score.html", page), ("score.json", json.dumps(content, indent=1, allow_nan=False) + "\n")):
-            write_text(given.out / name, text)
+        write_text(given.out / "score.html", page)
+        write_json(given.out / "score.json", content, allow_nan=False)
     look = Said("look at {path}", path=str(given.out / "score.html"))
     text = (*score_text(score, advice, [*told, *notes], beat_s), look)
     print(printable("\n".join(in_language(line, given.lang) for line in text)))
