@@ -1,6 +1,5 @@
 """The examples as a user runs them."""
 
-import contextlib
 import os
 import re
 import shutil
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 from cone_people import cone_body, cone_joints, draw_cones
 from depth_files import CAMERA as DEPTH_CAMERA
-from depth_files import camera_numbers, depth_mm
+from depth_files import camera_numbers, depth_mm, next_image
 from programs import ROOT, run_program
 
 from kpopnet.camera import CAMERAS
@@ -22,7 +21,6 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from kpopnet.sources import open_depth
 from kpopnet.sources.live.pipe import PipeCamera
-from kpopnet.sources.source import CameraAwayError
 
 
 def run_example(name: str, *words: object) -> str:
@@ -74,7 +72,7 @@ def test_a_camera_is_fed_to_kpopnet_by_python(recording, tmp_path):
     feeding = subprocess.Popen([sys.executable, ROOT / "examples" / "feed_pipe.py", path, "--port", str(port)])
     try:
         camera = connected(f"tcp:127.0.0.1:{port}")
-        seen = [fetched(camera) for _ in range(20)]  # it ends after each four images, and is found again
+        seen = [next_image(camera)[0] for _ in range(20)]  # it ends after each four images, and is found again
         camera.close()
         assert all(any((one == image.astype("f4") / 1000).all() for image in images) for one in seen)
     finally:
@@ -89,13 +87,6 @@ def connected(address: str) -> PipeCamera:
         except InputError:
             time.sleep(0.1)
     raise AssertionError(f"nothing at {address}")
-
-
-def fetched(camera: PipeCamera) -> np.ndarray:
-    for _ in range(30):
-        with contextlib.suppress(CameraAwayError):
-            return camera.read()[0]
-    raise AssertionError("no image came")
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")

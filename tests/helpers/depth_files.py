@@ -3,6 +3,7 @@
 import json
 import struct
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -10,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from kpopnet.camera import Camera
+from kpopnet.sources.source import CameraAwayError, LiveCamera
 
 CAMERA = Camera(70.0, 71.0, 31.0, 23.5, 64, 48)
 FPS = 25.0
@@ -132,6 +134,14 @@ def sent_line(**others: object) -> bytes:
     """The first line of what a sender of `kpopnet.sources.stream` sends."""
     camera = dict(zip(("fx", "fy", "cx", "cy", "width", "height"), camera_numbers(), strict=True))
     return json.dumps(camera | {"dtype": "uint16", "unit_m": 0.001} | others).encode() + b"\n"
+
+
+def next_image(camera: LiveCamera) -> tuple[np.ndarray, float]:
+    """The next image of a camera that may still be away."""
+    for _ in range(30):
+        with suppress(CameraAwayError):
+            return camera.read()
+    raise AssertionError("no image came")
 
 
 def sent_image(image: np.ndarray, time_s: float = float("nan")) -> bytes:

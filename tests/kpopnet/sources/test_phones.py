@@ -5,7 +5,6 @@ import zipfile
 
 import numpy as np
 import pytest
-from damaged_files import is_refused
 from depth_files import FPS, depth_mm
 from phone_files import RECORD3D_COLOUR, STRAY_COLOUR, UNSURE_ROWS, write_record3d, write_stray
 from PIL import Image
@@ -77,7 +76,6 @@ def test_what_is_wrong_in_a_stray_folder_is_told_in_one_line(tmp_path):
 
 
 def test_what_is_wrong_in_an_r3d_is_told_in_one_line(tmp_path):
-    path = written("record3d", tmp_path)
     np.testing.assert_allclose(next(iter(open_depth(written("record3d", tmp_path, with_confidence=False)))), IMAGES[0] / 1000)
     one_size = written("record3d", tmp_path, w=64, h=48, dw=None, dh=None, frameTimestamps=None)
     assert open_depth(one_size).camera.fx == RECORD3D_COLOUR.fx and open_depth(one_size).fps == FPS
@@ -90,11 +88,7 @@ def test_what_is_wrong_in_an_r3d_is_told_in_one_line(tmp_path):
     ):
         with pytest.raises(InputError, match=told):
             list(open_depth(written("record3d", tmp_path, **changed)))
-    whole = written("record3d", tmp_path).read_bytes()
-    for damaged in (whole[: len(whole) // 2], bytes(5000)):
-        path.write_bytes(damaged)
-        assert is_refused(lambda: open_depth(path))
-    with zipfile.ZipFile(path, "w") as archive:
+    with zipfile.ZipFile(tmp_path / "a.r3d", "w") as archive:
         archive.writestr("rgbd/0.jpg", b"")
     with pytest.raises(InputError, match=r"expected metadata and rgbd/N\.depth"):
-        open_depth(path)
+        open_depth(tmp_path / "a.r3d")

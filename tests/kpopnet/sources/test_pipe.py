@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from depth_files import CAMERA, FPS, depth_mm, sent_image, sent_line, write_sent
+from depth_files import CAMERA, FPS, depth_mm, next_image, sent_image, sent_line, write_sent
 
 from kpopnet.errors import InputError
 from kpopnet.languages import in_language
@@ -26,19 +26,14 @@ IMAGES = depth_mm(6)
 class Sender:
     """A program that sends depth where `PipeCamera` looks for it: once, or after it has ended again."""
 
-    def __init__(self, address):
-        self._is_tcp, self._place = address.startswith("tcp:"), address.partition(":")[2]
-        self._port, self.address = 0, address
+    def __init__(self, place):
+        self._place = place
 
     def begin(self):
-        if self._is_tcp:
-            self._listener = socket.create_server(("127.0.0.1", self._port))
-            self._port = self._listener.getsockname()[1]
-            self.address = f"tcp:127.0.0.1:{self._port}"
-        else:
-            self._listener = socket.socket(socket.AF_UNIX)
-            self._listener.bind(self._place)
-            self._listener.listen()
+        is_path = isinstance(self._place, str)
+        self._listener = socket.create_server(self._place, family=socket.AF_UNIX if is_path else socket.AF_INET)
+        self._place = self._listener.getsockname()
+        self.address = f"unix:{self._place}" if is_path else f"tcp:127.0.0.1:{self._place[1]}"
 
     def accept(self, line):
         self._connection, _ = self._listener.accept()
@@ -61,20 +56,12 @@ class Sender:
     def end(self):
         self._connection.close()
         self._listener.close()
-        if not self._is_tcp:
+        if isinstance(self._place, str):
             Path(self._place).unlink()
 
     def close(self):
         self._camera.close()
         self.end()
-
-
-def next_image(camera):
-    """The next image of a camera that may still be away."""
-    for _ in range(30):
-        with contextlib.suppress(CameraAwayError):
-            return camera.read()
-    raise AssertionError("no image came")
 
 
 @pytest.fixture(autouse=True)
@@ -85,7 +72,7 @@ def _soon(monkeypatch):
 
 @pytest.fixture(params=["tcp", "unix"])
 def sender(request, tmp_path):
-    with contextlib.closing(Sender("tcp:" if request.param == "tcp" else f"unix:{tmp_path / 'depth'}")) as sender:
+    with contextlib.closing(Sender(("127.0.0.1", 0) if request.param == "tcp" else str(tmp_path / "depth"))) as sender:
         yield sender
 
 
@@ -102,14 +89,12 @@ def test_a_file_gives_what_was_sent(tmp_path):
         np.testing.assert_allclose(one, expected / 1000, rtol=1e-6)
     with pytest.raises(InputError, match="states the unit of its depth; leave --depth-scale out"):
         open_depth(tmp_path / "b.depth", depth_scale=250)
-    at_s = [1.7e9 + k / FPS for k in range(len(IMAGES))]  # of the day's clock
-    (tmp_path / "c.depth").write_bytes(sent_line() + b"".join(map(sent_image, IMAGES, at_s)))
-    times_s = [one.time_s for one in open_depth(tmp_path / "c.depth").timed()]
-    assert times_s == pytest.approx([k / FPS for k in range(len(IMAGES))], abs=1e-6)
-    at_s[0] = at_s[3] = math.nan  # not known: the rate of the others tells them all
-    (tmp_path / "d.depth").write_bytes(sent_line() + b"".join(map(sent_image, IMAGES, at_s)))
-    times_s = [one.time_s for one in open_depth(tmp_path / "d.depth").timed()]
-    assert times_s == pytest.approx([k / FPS for k in range(len(IMAGES))], abs=1e-6)
+    at_s = 1.7e9 + np.arange(len(IMAGES)) / FPS  # of the day's clock
+    for unknown in ([], [0, 3]):  # the rate of the others tells them all
+        at_s[unknown] = math.nan
+        (tmp_path / "c.depth").write_bytes(sent_line() + b"".join(map(sent_image, IMAGES, at_s)))
+        times_s = [one.time_s for one in open_depth(tmp_path / "c.depth").timed()]
+        np.testing.assert_allclose(times_s, np.arange(len(IMAGES)) / FPS, atol=1e-6)
 
 
 def test_images_arrive_bit_for_bit_with_their_times(sender):
@@ -127,15 +112,12 @@ def test_images_arrive_bit_for_bit_with_their_times(sender):
         assert before <= next_image(camera)[1] <= time.monotonic()
 
 
-def test_a_hand_before_the_camera_ends_nothing(sender):
-    hand = np.full_like(IMAGES[0], 40)
+def test_a_sender_of_metres_as_integers_is_refused_and_a_hand_before_the_camera_ends_nothing(sender):
     camera = sender.camera(sent_line())
-    for image in (IMAGES[0], hand, IMAGES[1]):
+    for image in (IMAGES[0], np.full_like(IMAGES[0], 40)):
         sender.send(sent_image(image))
         np.testing.assert_array_equal(next_image(camera)[0], image.astype(np.float32) / 1000)
-
-
-def test_a_sender_of_metres_as_integers_is_refused(sender):
+    sender.close()
     camera = sender.camera(sent_line())
     sender.send(sent_image(np.zeros_like(IMAGES[0])))  # nothing was measured: it tells no unit
     assert not next_image(camera)[0].any()
@@ -220,7 +202,7 @@ def test_standard_input_reaches_several_cameras_and_ends(monkeypatch):
     ],
 )
 def test_a_wrong_first_line_is_one_line(tmp_path, line, told):
-    sender = Sender("tcp:")
+    sender = Sender(("127.0.0.1", 0))
     if line.endswith(b"\n"):
         with pytest.raises(InputError, match=told) as error:
             sender.camera(line)

@@ -4,7 +4,6 @@ import sys
 
 import numpy as np
 import pytest
-from damaged_files import is_refused
 
 pytest.importorskip("rosbags", reason="the extra ros is not installed")
 
@@ -79,19 +78,13 @@ def test_a_recording_of_realsense_is_read_without_its_library(tmp_path, monkeypa
         open_depth(tmp_path / "b.bag")
 
 
-@pytest.mark.parametrize("name", ["a.bag", "a.db3", "a.mcap"])
-def test_what_cannot_be_read_is_refused_in_one_line(name, tmp_path):
-    path = write_ros(tmp_path / name, IMAGES)
-    whole = path.read_bytes()
-    for damaged in (whole[: len(whole) // 2], bytes(5000)):
-        path.write_bytes(damaged)
-        assert is_refused(lambda: list(open_depth(path)))
-    suffix = path.suffix
-    with pytest.raises(InputError, match="does not state its camera"):
-        open_depth(write_ros(tmp_path / f"b{suffix}", IMAGES, camera=None))
-    with pytest.raises(InputError, match=r"found 16UC1; compressedDepth rvl"):
-        open_depth(write_ros(tmp_path / f"c{suffix}", IMAGES, {TOPIC: "16UC1; compressedDepth rvl"}))
-    with pytest.raises(InputError, match=r"no topics are called depth"):
-        open_depth(write_ros(tmp_path / f"d{suffix}", IMAGES, {TOPIC: "8UC1"}))
-    with pytest.raises(InputError, match=r"no topics are called depth .* none among no topics"):
-        open_depth(write_ros(tmp_path / f"e{suffix}", IMAGES[:0], camera=None))
+@pytest.mark.parametrize("suffix", [".bag", ".db3", ".mcap"])
+def test_what_cannot_be_read_is_refused_in_one_line(suffix, tmp_path):
+    for name, images, content, told in (
+        ("a", IMAGES, {"camera": None}, "does not state its camera"),
+        ("b", IMAGES, {"topics": {TOPIC: "16UC1; compressedDepth rvl"}}, "found 16UC1; compressedDepth rvl"),
+        ("c", IMAGES, {"topics": {TOPIC: "8UC1"}}, "no topics are called depth"),
+        ("d", IMAGES[:0], {"camera": None}, "no topics are called depth .* none among no topics"),
+    ):
+        with pytest.raises(InputError, match=told):
+            open_depth(write_ros(tmp_path / f"{name}{suffix}", images, **content))
