@@ -20,8 +20,19 @@ from kpopnet.skeleton import JOINT_NAMES, Joint
 
 
 @pytest.fixture
-def run(program):
-    return partial(program, "score")
+def run(program, tmp_path):
+    """Scores two files, into the folder `out`."""
+    return partial(program, "score", "--out", tmp_path / "out")
+
+
+def stored(folder) -> dict:
+    """What the JSON file of a score holds."""
+    return json.loads((folder / "out" / "score.json").read_text())
+
+
+def on_page(folder) -> dict:
+    """What the page of a score is given."""
+    return json.loads(re.search(r'id="given">(.*?)</script>', (folder / "out" / "score.html").read_text())[1])
 
 
 @pytest.fixture
@@ -38,24 +49,18 @@ def files(tmp_path):
     return tmp_path / "teacher.npz", tmp_path / "learner.npz", joints_m, learner_m
 
 
-def page_hints(out) -> list[str]:
-    """The hints of the page of a score, in English."""
-    given = json.loads(re.search(r'id="given">(.*?)</script>', (out / "score.html").read_text())[1])
-    return english(given["found"]["hints"])
-
-
 def test_the_page_holds_both_movements_and_the_json_the_score(files, run, tmp_path):
     teacher, learner, joints_m, learner_m = files
-    printed = run(teacher, learner, "--out", tmp_path / "new" / "out")
+    printed = run(teacher, learner)
     expected = score_dance(joints_m, learner_m, fps=30)
     assert f"similarity {expected.similarity:.0f}, timing" in printed and "warning" not in printed
     told = feedback(expected)
     assert told.faults[0].part == "left arm" and all(phrase.moments[0].text in printed for phrase in told.phrases[1:2])
     assert "0:00 to 0:04, 100: no fault stands out" in printed and printed.count(" to 0:") >= 3
 
-    page = (tmp_path / "new" / "out" / "score.html").read_text()
+    page = (tmp_path / "out" / "score.html").read_text()
     assert not re.search(r"""https?://|<link|src=|from "\.""", page) and page.count("<script") == 3
-    given = json.loads(re.search(r'id="given">(.*?)</script>', page)[1])
+    given = on_page(tmp_path)
     assert given["found"]["name"] == "learner.npz after teacher.npz"
     assert given["found"]["total"] == round(expected.similarity, 1) and given["found"]["hints"] == []
     assert given["found"]["faults"][0] == keyed(told.faults[0].text)
@@ -65,7 +70,7 @@ def test_the_page_holds_both_movements_and_the_json_the_score(files, run, tmp_pa
     frames = len(joints_m) - 1  # resampled at half-open intervals
     assert all(len(base64.b64decode(given[one]["hips_m"])) // 12 >= frames for one in ("dance", "movement"))
 
-    content = json.loads((tmp_path / "new" / "out" / "score.json").read_text())
+    content = stored(tmp_path)
     assert content["score"]["similarity"] == pytest.approx(expected.similarity)
     assert content["score"]["windows"]["parts"].keys() == expected.parts.keys() == content["score"]["parts"].keys()
     np.testing.assert_allclose(content["score"]["windows"]["delay_s"], expected.windows.delay_s)
@@ -77,13 +82,13 @@ def test_what_no_dancer_does_is_corrected_and_told(files, run, tmp_path):
     teacher, _, joints_m, _ = files
     dance = corrected(Performance(joints_m, np.arange(len(joints_m)) / 30 + 5), "mirrored")
     np.savez(tmp_path / "wrong.npz", joints_m=dance.joints_m, times_s=dance.times_s)
-    words = (teacher, tmp_path / "wrong.npz", "--out", tmp_path / "out")
+    words = (teacher, tmp_path / "wrong.npz")
     told = r"as it stands \d, with the learner mirrored, the learner's clock 5\.0\d s earlier 100: scored so; --as-is keeps it"
     printed = run(*words)
     assert re.search(told, printed) and re.search(r"similarity (99|100)", printed) and "warning" not in printed
-    note, sides = page_hints(tmp_path / "out")
+    note, sides = english(on_page(tmp_path)["found"]["hints"])
     assert re.search(told, note) and sides == "compared as in a mirror: left and right are as the teacher has them"
-    done = json.loads((tmp_path / "out" / "score.json").read_text())["corrections"]
+    done = stored(tmp_path)["corrections"]
     assert done["learner"] == "mirrored" and done["late_s"] == pytest.approx(5, abs=0.1) and done["corrected"] > 95
     printed = run(*words, "--as-is")
     assert re.search(r"similarity \d,", printed) and printed.count("warning") == 2
@@ -95,36 +100,23 @@ def test_clocks_that_count_since_1970_are_compared_from_the_first_frame(files, r
     joints_m, days_s = files[2], 1.7e9 + np.arange(len(files[2])) / 30
     np.savez(tmp_path / "teacher.npz", joints_m=joints_m, times_s=days_s)
     recorded_m, times_s = (joints_m[15:], days_s[15:]) if later_s < 1 else (joints_m, days_s + later_s)
-    lines = [",".join(["timestamp_ms", *(f"{name}_{axis}" for name in JOINT_NAMES for axis in "xyz")])]
-    lines += [
-        ",".join([f"{1000 * time_s:.0f}", *map(str, row.ravel())]) for time_s, row in zip(times_s, recorded_m, strict=True)
-    ]
-    (tmp_path / "learner.csv").write_text("\n".join(lines))
-    run(tmp_path / "teacher.npz", tmp_path / "learner.csv", "--out", tmp_path / "out", "--free", 0, 1)
-    score = json.loads((tmp_path / "out" / "score.json").read_text())
+    np.savez(tmp_path / "learner.npz", joints_m=recorded_m, times_s=times_s)
+    run(*files[:2], "--free", 0, 1)
+    score = stored(tmp_path)
     assert score["score"]["similarity"] > 98 and score["corrections"] is None
     assert np.abs(score["score"]["windows"]["delay_s"][4:]).max() < 0.05 and score["score"]["windows"]["start_s"][0] == 0
-
-
-def test_beats_may_be_asked_for_on_a_clock_that_begins_below_0(files, run, tmp_path):
-    _, _, joints_m, _ = files
-    for name in ("teacher", "learner"):
-        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m, times_s=np.arange(len(joints_m)) / 30 - 50)
-    assert "similarity 100" in run(
-        tmp_path / "teacher.npz", tmp_path / "learner.npz", "--bpm", "120", "--out", tmp_path / "out"
-    )
 
 
 def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(files, run, tmp_path):
     teacher, _, joints_m, _ = files
     dance = Performance(joints_m, np.arange(len(joints_m)) / 30 + 0.6)
     np.savez(tmp_path / "wrong.npz", joints_m=corrected(dance, "mirrored").joints_m, times_s=dance.times_s)
-    words = (teacher, tmp_path / "wrong.npz", "--out", tmp_path / "out")
+    words = (teacher, tmp_path / "wrong.npz")
     printed = run(*words)
     options = re.findall(r"--(?:correct|late)\S* \S+", printed)
     assert [option.split()[0] for option in options] == ["--correct-learner", "--late"] and printed.count("warning") == 2
-    assert len(json.loads((tmp_path / "out" / "score.json").read_text())["warnings"]) == 2
-    assert "learner dances mirrored" in page_hints(tmp_path / "out")[0]
+    assert len(stored(tmp_path)["warnings"]) == 2
+    assert "learner dances mirrored" in english(on_page(tmp_path)["found"]["hints"])[0]
     again = run(*words, *(word for option in options for word in option.replace("(", " ").split()))
     assert (
         "left and right are as the teacher has them" in again
@@ -135,20 +127,20 @@ def test_a_faulty_recording_is_told_and_the_option_that_is_named_corrects_it(fil
 
 
 def test_score_and_page_are_in_the_language_that_is_asked_for(files, run, tmp_path):
-    printed = run(*files[:2], "--out", tmp_path / "out", "--lang", "de", "--bpm", 100)
+    printed = run(*files[:2], "--lang", "de", "--bpm", 100)
     assert printed.startswith("Übereinstimmung ") and "linker Arm" in printed and "learner.npz" not in printed
     assert not re.search(r"\b(the|left|arm|late|at|from|no)\b", printed)
     page = (tmp_path / "out" / "score.html").read_text()
     assert '<html lang="de" data-language="de">' in page and "<title>learner.npz nach teacher.npz</title>" in page
-    assert json.loads((tmp_path / "out" / "score.json").read_text())["feedback"]["faults"][0]["text"].startswith("left elbow")
+    assert stored(tmp_path)["feedback"]["faults"][0]["text"].startswith("left elbow")
 
 
 def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_uncertainty(files, run, tmp_path):
-    words = (*files[:2], "--out", tmp_path / "out")
+    words = files[:2]
     assert "0:00 to 0:06," in run(*words, "--bpm", 80) and "±" not in run(*words)
     told = run(*words, "--noise", "realtime")
     uncertain = re.search(r"^similarity \d+ ± (\d+), ", told, re.MULTILINE)[1]
-    score = json.loads((tmp_path / "out" / "score.json").read_text())["score"]
+    score = stored(tmp_path)["score"]
     assert round(score["uncertainty"]) == int(uncertain) > 0 and f"± {uncertain}: on true joints" in told
     assert "--bpm 0: expected 20 to 400" in run(*words, "--bpm", 0, fails=True)
     assert "--late=nan: expected a number" in run(*words, "--late", "nan", fails=True)
@@ -157,20 +149,24 @@ def test_the_tempo_of_the_music_makes_phrases_and_an_estimators_noise_shows_the_
 
 
 def test_phrases_of_a_recording_that_begins_within_one_are_those_of_the_music(files, run, tmp_path):
-    _, _, joints_m, learner_m = files
-    for name, one in (("late_teacher", joints_m), ("late_learner", learner_m)):
-        np.savez(tmp_path / f"{name}.npz", joints_m=one, times_s=3.5 + np.arange(len(one)) / 30)
-    printed = run(tmp_path / "late_teacher.npz", tmp_path / "late_learner.npz", "--out", tmp_path / "out", "--bpm", 80)
+    *paths, joints_m, learner_m = files
+
+    def run_from(start_s):
+        for path, one in zip(paths, (joints_m, learner_m), strict=True):
+            np.savez(path, joints_m=one, times_s=start_s + np.arange(len(one)) / 30)
+        return run(*paths, "--bpm", 80)
+
+    assert "similarity" in run_from(-50)
+    printed = run_from(3.5)
     assert "0:00 to 0:06," in printed and "0:06 to 0:12," in printed
-    page = (tmp_path / "out" / "score.html").read_text()
-    given = json.loads(re.search(r'id="given">(.*?)</script>', page)[1])
+    given = on_page(tmp_path)
     assert given["dance"]["first_s"] == given["found"]["phrases"][0]["start_s"] == 0
 
 
 def test_frame_rates_of_files_without_them(files, run, tmp_path):
     teacher, _, joints_m, _ = files
     np.savez(tmp_path / "bare.npz", joints_m=joints_m[::2])
-    words = (teacher, tmp_path / "bare.npz", "--out", tmp_path / "out")
+    words = (teacher, tmp_path / "bare.npz")
     run(*words, fails=True)
     assert int(re.search(r"similarity (\d+)", run(*words, "--learner-fps", 15))[1]) >= 85
     assert "with the learner's times multiplied by 1.67" in run(*words, "--learner-fps", 25)
@@ -181,12 +177,12 @@ def test_other_formats_and_missing_joints_are_told(files, run, tmp_path):
     named = [dict(zip(JOINT_NAMES, pose.tolist(), strict=True)) for pose in joints_m]
     frames = [{"time_s": k / 30, "joints": joints} for k, joints in enumerate(named)]
     (tmp_path / "a.json").write_text(json.dumps({"frames": frames}))
-    assert "teacher.npz and a.json are of different formats" in run(teacher, tmp_path / "a.json", "--out", tmp_path / "out")
+    assert "teacher.npz and a.json are of different formats" in run(teacher, tmp_path / "a.json")
 
     headless_m = joints_m.copy()
     headless_m[:, Joint.NECK] = np.nan
     np.savez(tmp_path / "headless.npz", joints_m=headless_m, fps=30)
-    words = (tmp_path / "headless.npz", learner, "--out", tmp_path / "out")
+    words = (tmp_path / "headless.npz", learner)
     assert "similarity" in run(*words)
     refused = run(*words, "--scorer", "raptis", fails=True)
     assert "headless.npz: neck missing in every frame; scorer raptis needs it" in refused
@@ -198,19 +194,19 @@ def test_windows_without_joints_are_null_in_the_json_and_a_dance_of_only_such_is
         seen_m = np.full_like(joints_m, np.nan)
         seen_m[:known] = joints_m[:known]
         np.savez(tmp_path / f"{name}.npz", joints_m=seen_m, fps=30)
-    run(teacher, tmp_path / "half.npz", "--out", tmp_path / "out")
-    windows = json.loads((tmp_path / "out" / "score.json").read_text())["score"]["windows"]
+    run(teacher, tmp_path / "half.npz")
+    windows = stored(tmp_path)["score"]["windows"]
     assert windows["similarity"][0] > 90 and windows["similarity"][-1] == 0 and windows["delay_s"][-1] is None
-    refused = run(teacher, tmp_path / "rare.npz", "--out", tmp_path / "out", fails=True)
+    refused = run(teacher, tmp_path / "rare.npz", fails=True)
     assert "rare.npz: in no window of 2 s are enough joints known" in refused
 
 
 def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path):
-    words = (*files[:2], "--out", tmp_path / "out")
+    words = files[:2]
     assert "free parts" not in run(*words)
     told = run(*words, "--free", 4, 9, "--weights", "posture=1", "place=1")
     assert "0:04 to 0:08, –: not compared" in told and told.count("no fault stands out") == told.count(", 100: ")
-    content = json.loads((tmp_path / "out" / "score.json").read_text())
+    content = stored(tmp_path)
     score = content["score"]
     assert score["similarity"] > 97 and score["free"]["energy"] < 99 and "free parts: energy" in told
     expected = (score["posture"] + score["stage"]["place"]) / 2

@@ -22,7 +22,7 @@ from kpopnet.errors import InputError
 from kpopnet.programs import teach
 from kpopnet.programs.convert import write_dance
 from kpopnet.skeleton import Joint
-from kpopnet.sources import live, open_depth
+from kpopnet.sources import open_depth
 from kpopnet.sources.source import TimedDepth
 from kpopnet.teacher.live import lesson
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
@@ -35,6 +35,12 @@ def run(program, monkeypatch, tmp_path):
     """Runs the program with a library of one dance."""
     monkeypatch.setattr(taught, "DANCES", 1)
     return lambda *words, **given: program("teach", *words, "--data", tmp_path / "teach", **given)
+
+
+@pytest.fixture
+def danced(run, tmp_path):
+    """A dance of the library."""
+    return teach.made_library(tmp_path / "teach").dance("dance_000")
 
 
 def test_a_dance_of_ones_own_is_added(run, tmp_path):
@@ -54,36 +60,17 @@ def test_a_dance_of_ones_own_is_added(run, tmp_path):
     assert library.path("dance_000").stat().st_mtime_ns == made  # what is there is not made again
 
 
-def test_a_group_is_added_from_a_file_for_each_dancer(run, tmp_path):
-    library = teach.made_library(tmp_path / "teach")
-    performance = library.dance("dance_000").performance
+@pytest.mark.parametrize("begin_s", [0.0, 1.7e9])  # since 1970, too
+def test_a_group_is_added_from_a_file_for_each_dancer(run, tmp_path, danced, begin_s):
+    joints_m, times_s = danced.performance.joints_m, danced.performance.times_s
     for name, left_m, late in (("ann", 0.0, 0), ("bea", 1.5, 60)):  # bea is seen two seconds later
-        joints_m = (performance.joints_m + np.array([left_m, 0, 0])).astype(np.float32)
-        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m[late:], times_s=performance.times_s[late:])
+        moved_m = (joints_m + np.array([left_m, 0, 0])).astype(np.float32)
+        np.savez(tmp_path / f"{name}.npz", joints_m=moved_m[late:], times_s=begin_s + times_s[late:])
     told = run("add", tmp_path / "ann.npz", tmp_path / "bea.npz", "--title", "Duet", "--from", 2)
     assert "added Duet as own_001" in told
-    first, second = library.dance("own_001").dancers
+    first, second = teach.made_library(tmp_path / "teach").dance("own_001").dancers
     np.testing.assert_allclose(first.joints_m - second.joints_m, np.full_like(first.joints_m, [1.5, 0, 0]), atol=1e-4)
-    np.testing.assert_allclose(second.joints_m[0], performance.joints_m[120], atol=1e-4)
-
-
-@pytest.mark.parametrize(("bea_s", "late_s"), [(1.7e9 + 2, 2), (1.7e9 + 86_400, 0), (0.0, 0)])
-def test_files_of_a_group_that_count_since_1970_are_taken_from_their_first_frames(run, tmp_path, danced, bea_s, late_s):
-    """Or from the first dancer's, who was recorded together with the second."""
-    joints_m, times_s = danced.performance.joints_m.astype(np.float32), danced.performance.times_s
-    for name, start_s in (("ann", 1.7e9), ("bea", bea_s)):
-        np.savez(tmp_path / f"{name}.npz", joints_m=joints_m, times_s=start_s + times_s)
-    run("add", tmp_path / "ann.npz", tmp_path / "bea.npz")
-    dancers = teach.made_library(tmp_path / "teach").dance("own_001").dancers
-    own_m = sorted((one.joints_m[0] for one in dancers), key=lambda one: np.abs(one - joints_m[0]).max())
-    np.testing.assert_allclose(own_m[0], joints_m[0], atol=1e-4)
-    np.testing.assert_allclose(own_m[1], joints_m[round(late_s * danced.fps)], atol=1e-4)
-
-
-@pytest.fixture
-def danced(run, tmp_path):
-    """A dance of the library."""
-    return teach.made_library(tmp_path / "teach").dance("dance_000")
+    np.testing.assert_allclose(second.joints_m[0], joints_m[120], atol=1e-4)
 
 
 def test_a_folder_of_dances_is_added(run, tmp_path, danced):
@@ -155,28 +142,6 @@ def recording(tmp_path):
     return functools.partial(open_depth, tmp_path / "depth.npz", CAMERAS["kinect_v1"], 30.0)
 
 
-class Mounted:
-    """A camera on its side: the top of the person is the left of the image."""
-
-    camera = CAMERAS["kinect_v1"]
-
-    def read(self):
-        return np.repeat(np.linspace(1, 3, 320, dtype=np.float32)[None], 240, axis=0), 12.5
-
-    def close(self):
-        self.closed = True
-
-
-def test_a_live_camera_on_its_side_is_turned(monkeypatch):
-    monkeypatch.setitem(live._KINDS, "realsense", (str, Mounted))
-    given = {"live": {"mine": "realsense"}, "rotate_deg": 90}
-    camera = teach.open_source(None, Lesson("d", source="mine"), None, DanceClock(0.0, 1.0), **given)
-    depth_m, taken = camera.read()
-    assert (camera.camera.width, camera.camera.height) == depth_m.shape[::-1] == (240, 320) and taken == 12.5
-    assert (np.diff(depth_m, axis=0) > 0).all()  # what was left is on top
-    camera.close()
-
-
 class Moments:
     """A clock that tests move on, in place of the module `time`."""
 
@@ -215,23 +180,33 @@ def test_a_recording_waits_for_the_dance_and_runs_with_it(recording, moments):
         assert camera.read()[0][0, 0] == 0.5
 
 
-def test_of_a_recording_is_seen_what_belongs_to_the_moment_of_the_dance(moments):
-    """A phrase from second 60 on, with a pause, and images that are read slowly; each image is its own time."""
+def recorded(moments, clock, read_s, begin_s=0.0, frames=900):
+    """A recording of which each image is its own time, and takes read_s(number) seconds to be read."""
 
     def timed():
-        for number in range(3000):
-            moments.sleep(0.3 if 2000 <= number < 2005 else 0.006)
-            yield TimedDepth(5 + number / 30, np.full((1, 1), number / 30))
+        for number in range(frames):
+            moments.sleep(read_s(number))
+            yield TimedDepth(begin_s + number / 30, np.full((1, 1), number / 30))
+
+    return teach.RecordedCamera(SimpleNamespace(camera=None, name="slow.h5", timed=timed), clock)
+
+
+def late_s(camera, clock, images):
+    """How far the images are from the moments of the dance at which they are seen."""
+    return [abs(clock.dance_s(taken) - depth_m[0, 0]) for depth_m, taken in (camera.read() for _ in range(images))]
+
+
+def test_of_a_recording_is_seen_what_belongs_to_the_moment_of_the_dance(moments):
+    """A phrase from second 60 on, with a pause, and images that are read slowly."""
 
     def check_up_to(until_s: float, least: int) -> None:
         errors_s = []
         while clock.dance_s(moments.monotonic()) < until_s:
-            depth_m, taken = camera.read()
-            errors_s.append(abs(clock.dance_s(taken) - depth_m[0, 0]))
+            errors_s += late_s(camera, clock, 1)
         assert len(errors_s) >= least and max(errors_s) < 0.04
 
     clock = DanceClock(60.0, 1.0)
-    camera = teach.RecordedCamera(SimpleNamespace(camera=None, timed=timed), clock)
+    camera = recorded(moments, clock, lambda number: 0.3 if 2000 <= number < 2005 else 0.006, 5.0, 3000)
     clock.start(2.2)  # before the recording has run up to it
     check_up_to(75.0, least=60)
     clock.stop()
@@ -247,38 +222,26 @@ def test_of_a_recording_is_seen_what_belongs_to_the_moment_of_the_dance(moments)
     check_up_to(69.0, least=30)
 
 
-@pytest.mark.parametrize(("speed", "too_slow"), [(1.0, True), (0.5, False)])
-def test_a_recording_that_is_read_more_slowly_than_the_dance_goes_on_says_so(moments, speed, too_slow):
+def test_a_recording_that_is_read_more_slowly_than_the_dance_goes_on_says_so(moments):
     """All images would be too late, and no person would be seen until the dance is over."""
-
-    def timed():
-        for number in range(900):
-            moments.sleep(0.05)
-            yield TimedDepth(number / 30, np.full((1, 1), number / 30))
-
-    clock = DanceClock(0.0, speed)
-    camera = teach.RecordedCamera(SimpleNamespace(camera=None, name="slow.h5", timed=timed), clock)
-    clock.start(0.1)
-    if too_slow:
-        with pytest.raises(InputError, match=r"slow\.h5: this machine reads it more slowly"):
-            [camera.read() for _ in range(900)]
-        assert 5 < clock.dance_s(moments.monotonic()) < 6
-    else:
-        read = [camera.read() for _ in range(500)]
-        assert max(abs(clock.dance_s(taken) - depth_m[0, 0]) for depth_m, taken in read[5:]) < 0.04
-
-
-def test_a_recording_catches_up_after_it_was_not_read_for_longer_than_a_slow_one_is_endured(moments):
-    def timed():
-        for number in range(900):
-            moments.sleep(6.0 if number == 200 else 0.01)
-            yield TimedDepth(number / 30, np.full((1, 1), number / 30))
-
     clock = DanceClock(0.0, 1.0)
-    camera = teach.RecordedCamera(SimpleNamespace(camera=None, name="stalled.h5", timed=timed), clock)
+    camera = recorded(moments, clock, lambda number: 0.05)
     clock.start(0.1)
-    read = [camera.read() for _ in range(500)]
-    assert max(abs(clock.dance_s(taken) - depth_m[0, 0]) for depth_m, taken in read[-100:]) < 0.04
+    with pytest.raises(InputError, match=r"slow\.h5: this machine reads it more slowly"):
+        late_s(camera, clock, 900)
+    assert 5 < clock.dance_s(moments.monotonic()) < 6
+
+
+@pytest.mark.parametrize(
+    ("speed", "read_s", "until"),
+    [(0.5, lambda number: 0.05, 5), (1.0, lambda number: 6.0 if number == 200 else 0.01, 400)],
+    ids=["slow dance", "not read for longer than a slow recording is endured"],
+)
+def test_a_recording_catches_up(moments, speed, read_s, until):
+    clock = DanceClock(0.0, speed)
+    camera = recorded(moments, clock, read_s)
+    clock.start(0.1)
+    assert max(late_s(camera, clock, 500)[until:]) < 0.04
 
 
 def test_a_person_before_another_programs_camera_is_seen_until_it_ends(tmp_path):
