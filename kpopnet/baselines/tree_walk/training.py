@@ -1,13 +1,14 @@
 """Trains a random tree walk: images, positions in them and a tree for each joint; judges it on other images."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numba import njit
 from tqdm import tqdm
 
-from kpopnet.baselines.tree_walk.growing import Samples, grow, merge_trees
-from kpopnet.baselines.tree_walk.walking import HALF_SIZE_M, UNITS, TreeWalkModel, integer_image
+from kpopnet.baselines.tree_walk.walking import HALF_SIZE_M, UNITS, Trees, TreeWalkModel, feature, integer_image, walk
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader
 from kpopnet.data.cube import Cube, check_crop_px
 from kpopnet.data.observation import ObservationSource
@@ -22,6 +23,21 @@ AROUND_M = 0.3
 
 POSITIONS_STREAM, GROWTH_STREAM = 0x91AC, 0x7EEE
 """Make these random draws independent of each other and of those of the observations, which have the same seed."""
+
+MAX_DEPTH = 20
+"""Largest number of splits between the root and a leaf."""
+
+BINS = 24
+"""Number of equal intervals of each feature's range; their bounds are the thresholds tried."""
+
+JUDGED_SAMPLES = 1000
+"""Largest number of a node's samples that are used to select its split; the split divides all of them."""
+
+PROBE_M = 0.8
+"""Largest distance of a probe from the position."""
+
+DIRECTIONS, KMEANS_ITERATIONS = 5, 10
+"""Number of directions that a leaf stores, found by k-means, as Jung et al. do."""
 
 
 @dataclass
@@ -59,6 +75,15 @@ class TreeWalkConfig:
         check_crop_px("tree_walk.crop_px", self.crop_px)
 
 
+class Samples(NamedTuple):
+    """Training samples: positions in images, and the directions from there to the joint."""
+
+    images: np.ndarray  # (M, S, S) int16 `integer_image`
+    image: np.ndarray  # (N,) int32 index of each sample's image
+    position: np.ndarray  # (N, 3) int32 row, column and depth (`feature`)
+    direction: np.ndarray  # (N, 3) float32 unit vectors from the position to the joint
+
+
 def train(
     config: TreeWalkConfig, source: ObservationSource, validation: ObservationSource, seed: int, workers: int
 ) -> tuple[TreeWalkModel, dict]:
@@ -66,20 +91,16 @@ def train(
 
     `workers` processes prepare images, this one if it is 0.
     """
-    order = ShuffledOrder(len(source), BATCH, seed)
-    batches = CropBatches(source, ModelConfig(crop_px=config.crop_px, half_size_m=HALF_SIZE_M), order, seed, config.augment)
+    crops = ModelConfig(crop_px=config.crop_px, half_size_m=HALF_SIZE_M)
+    batches = CropBatches(source, crops, ShuffledOrder(len(source), BATCH, seed), seed, config.augment)
     images, joints_uvd, _ = collect_images(batches, config.images, workers, "training images")
-    trees = []
-    for joint in tqdm(range(NUM_JOINTS), desc="trees", unit="joint"):
-        samples = draw_positions(
-            images, joints_uvd[:, joint], config.places, np.random.default_rng([seed, POSITIONS_STREAM, joint])
-        )
-        half_px = config.crop_px / 2 / HALF_SIZE_M
-        trees.append(grow(samples, config.leaf_samples, config.features, half_px, (seed, GROWTH_STREAM, joint)))
-    model = TreeWalkModel(config.crop_px, merge_trees(trees))
+    samples = (
+        draw_positions(images, joints_uvd[:, joint], config.places, np.random.default_rng([seed, POSITIONS_STREAM, joint]))
+        for joint in tqdm(range(NUM_JOINTS), desc="trees", unit="joint")
+    )
+    model = TreeWalkModel(config.crop_px, grow(samples, config, seed))
     count = min(config.validation_images, len(validation))
-    order = EvenOrder(len(validation), BATCH, count)
-    batches = CropBatches(validation, ModelConfig(crop_px=config.crop_px, half_size_m=HALF_SIZE_M), order, seed, None)
+    batches = CropBatches(validation, crops, EvenOrder(len(validation), BATCH, count), seed, None)
     return model, judge(model, *collect_images(batches, count, workers, "validation images"))
 
 
@@ -87,19 +108,52 @@ def collect_images(batches: CropBatches, count: int, workers: int, what: str) ->
     """The first M = `count` images of the batches: (M, S, S) int16 `integer_image` of people, (M, 15, 3) float32 true joints in
     the coordinates of the image's cube, and (M, 4) float32 the cube's centre in the camera frame and its half size, metres.
     """
-    side = batches.model.crop_px
+    side, filled = batches.model.crop_px, 0
     images = np.empty((count, side, side), np.int16)
     joints_uvd, cubes_m = np.empty((count, NUM_JOINTS, 3), np.float32), np.empty((count, 4), np.float32)
-    filled = 0
-    with tqdm(total=count, desc=what, unit="image") as bar:
-        for batch in batch_loader(batches, 0, -(-count // BATCH), workers):
-            added = min(len(batch.crop), count - filled)
-            crops, targets, cubes = (np.asarray(part)[:added] for part in batch[:3])
-            rows = slice(filled, filled + added)
-            images[rows], joints_uvd[rows], cubes_m[rows] = integer_image(crops[:, 0]), targets, cubes
-            filled += added
-            bar.update(added)
+    for batch in tqdm(batch_loader(batches, 0, -(-count // BATCH), workers), desc=what, unit="batch"):
+        rows = slice(filled, min(filled + len(batch.crop), count))
+        filled = rows.stop
+        crops, joints_uvd[rows], cubes_m[rows] = (np.asarray(part)[: rows.stop - rows.start] for part in batch[:3])
+        images[rows] = integer_image(crops[:, 0])
     return images, joints_uvd, cubes_m
+
+
+def grow(samples_of_joints: Iterable[Samples], config: TreeWalkConfig, seed: int) -> Trees:
+    """Grows a tree for each joint that predicts the direction at a position.
+
+    The split of a node is the best of `config.features` random features and all thresholds: it minimises the sum of squared
+    deviations of the directions from the mean of their side. A node with fewer than twice `config.leaf_samples` samples, or
+    without a split that leaves as many on both sides, becomes a leaf.
+    """
+    farthest_px = round(PROBE_M * (config.crop_px / 2 / HALF_SIZE_M))
+    empty = 0, 0, np.zeros(5, np.int16)
+    root, nodes, leaves = [], [], []
+    for joint, samples in enumerate(samples_of_joints):
+        order = np.random.default_rng([seed, GROWTH_STREAM, joint, 0]).permutation(len(samples.image))
+        root.append(len(nodes))
+        nodes.append(empty)
+        open_nodes = [(root[-1], 0, len(order), 0)]
+        while open_nodes:
+            node, start, stop, depth = open_nodes.pop()
+            members, chosen, limit = order[start:stop], -1, 0
+            if depth < MAX_DEPTH and len(members) >= 2 * config.leaf_samples:
+                rng = np.random.default_rng([seed, GROWTH_STREAM, joint, 1, node - root[-1]])
+                probes = draw_probes(rng, config.features, farthest_px)
+                chosen, limit = best_split(samples, members[:JUDGED_SAMPLES], probes, config.leaf_samples)
+            if chosen < 0:
+                nodes[node] = -1 - len(leaves), *empty[1:]
+                leaves.append(cluster(samples.direction[members]))
+                continue
+            large = feature_values(samples, members, probes[chosen : chosen + 1])[:, 0] >= limit
+            order[start:stop] = np.concatenate([members[~large], members[large]])
+            middle, children = stop - int(np.count_nonzero(large)), len(nodes)
+            nodes[node] = children, limit, probes[chosen]
+            nodes += [empty] * 2
+            open_nodes += [(children + 1, middle, stop, depth + 1), (children, start, middle, depth + 1)]
+    child, threshold, probe = zip(*nodes, strict=True)
+    direction, share = (np.stack(one).astype(np.float32) for one in zip(*leaves, strict=True))
+    return Trees(*(np.array(one, np.int32) for one in (root, child, threshold)), np.stack(probe), direction, share)
 
 
 def draw_positions(images: np.ndarray, joint_uvd: np.ndarray, places: int, rng: np.random.Generator) -> Samples:
@@ -114,15 +168,99 @@ def draw_positions(images: np.ndarray, joint_uvd: np.ndarray, places: int, rng: 
     offset = rng.normal(size=(count, 3)).astype(np.float32)
     offset *= AROUND_M / HALF_SIZE_M * rng.random((count, 1)) / np.linalg.norm(offset, axis=1, keepdims=True)
     direction = -offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-9)
-    position = pixel_positions(joint_uvd[image] + offset, images.shape[1])
-    return Samples(images, image, position, direction.astype(np.float32))
+    u, v, d = (joint_uvd[image] + offset).T
+    half = images.shape[1] / 2
+    position = np.stack([np.floor((v + 1) * half), np.floor((u + 1) * half), np.rint(d * UNITS)], axis=1)  # as the walks do
+    return Samples(images, image, position.astype(np.int32), direction.astype(np.float32))
 
 
-def pixel_positions(position_uvd: np.ndarray, side: int) -> np.ndarray:
-    """Converts (N, 3) u, v, d to (N, 3) int32 row, column and depth in UNITS, as the walks do."""
-    u, v, d = position_uvd.T
-    half = side / 2
-    return np.stack([np.floor((v + 1) * half), np.floor((u + 1) * half), np.rint(d * UNITS)], axis=1).astype(np.int32)
+def draw_probes(rng: np.random.Generator, count: int, farthest_px: int) -> np.ndarray:
+    """(count, 5) int16 random probes (`feature`), half of them pairs.
+
+    The distance of a probe is farthest_px times the square of a uniform number, so that near probes are more frequent.
+    """
+    distance = farthest_px * rng.random((count, 2)) ** 2
+    angle = rng.uniform(0, 2 * np.pi, (count, 2))
+    ends = np.rint(distance[..., None] * np.stack([np.sin(angle), np.cos(angle)], axis=-1)).reshape(count, 4)
+    return np.concatenate([ends, rng.integers(0, 2, (count, 1))], axis=1).astype(np.int16)
+
+
+@njit(cache=True)
+def feature_values(samples, members, probes):
+    """(n, F) int32 features of the members, which are indices of samples."""
+    values = np.empty((len(members), len(probes)), np.int32)
+    for i, sample in enumerate(members):
+        row, column, depth = samples.position[sample]
+        for k in range(len(probes)):
+            values[i, k] = feature(samples.images[samples.image[sample]], row, column, depth, probes[k])
+    return values
+
+
+@njit(cache=True)
+def best_split(samples, members, probes, min_samples):
+    """The index of the best probe and its threshold; index -1 if no split leaves `min_samples` members on both sides.
+
+    Minimising the sum of squared deviations within both sides is equivalent to maximising |sum of directions|^2 / number,
+    summed over both sides, since the squared norms of unit vectors sum to a constant.
+    """
+    count = len(members)
+    values = feature_values(samples, members, probes)
+    best, best_probe, best_threshold = -1.0, -1, 0
+    sums, below, above = np.empty((BINS, 4)), np.zeros(4), np.zeros(4)
+    for k in range(len(probes)):
+        low = high = values[0, k]
+        for i in range(count):
+            low, high = min(low, values[i, k]), max(high, values[i, k])
+        width = (high - low) // BINS + 1
+        sums[:] = 0
+        for i, sample in enumerate(members):
+            bin_index = (values[i, k] - low) // width
+            for axis in range(3):
+                sums[bin_index, axis] += samples.direction[sample, axis]
+            sums[bin_index, 3] += 1
+        total = sums.sum(axis=0)
+        below[:] = 0
+        for b in range(BINS - 1):
+            for axis in range(4):
+                below[axis] += sums[b, axis]
+                above[axis] = total[axis] - below[axis]
+            if min(below[3], above[3]) >= min_samples:
+                gain = _dot(below, below) / below[3] + _dot(above, above) / above[3]
+                if gain > best:
+                    best, best_probe, best_threshold = gain, k, low + (b + 1) * width
+    return best_probe, best_threshold
+
+
+@njit(cache=True)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cluster(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Spherical k-means of (n, 3) unit vectors: (DIRECTIONS, 3) means, and (DIRECTIONS,) the cumulative share of the vectors
+    nearest to each, float64.
+
+    The first mean is initialised with the first vector, every further mean with the vector farthest in angle from the
+    means before it.
+    """
+    directions = directions.astype(np.float64)
+    means = np.zeros((DIRECTIONS, 3))
+    similarity, latest = np.full(len(directions), -np.inf), 0
+    for k in range(DIRECTIONS):
+        means[k] = directions[latest]
+        similarity = np.maximum(similarity, _cosines(directions, means[k : k + 1])[:, 0])
+        latest = similarity.argmin()
+    for _ in range(KMEANS_ITERATIONS):
+        nearest = _cosines(directions, means).argmax(axis=1)
+        sums = np.stack([np.bincount(nearest, axis, DIRECTIONS) for axis in directions.T], axis=1)
+        length = np.linalg.norm(sums, axis=1, keepdims=True)
+        means = np.where(length > 1e-9, sums / np.maximum(length, 1e-9), means)
+    return means, np.bincount(nearest, np.full(len(directions), 1 / len(directions)), DIRECTIONS).cumsum()
+
+
+def _cosines(directions: np.ndarray, means: np.ndarray) -> np.ndarray:
+    """(n, K) cosines of the angles between (n, 3) and (K, 3) unit vectors."""
+    return sum(directions[:, axis, None] * means[:, axis] for axis in range(3))
 
 
 def judge(model: TreeWalkModel, images: np.ndarray, joints_uvd: np.ndarray, cubes_m: np.ndarray) -> dict:
@@ -130,7 +268,7 @@ def judge(model: TreeWalkModel, images: np.ndarray, joints_uvd: np.ndarray, cube
     errors_m = np.empty((len(images), NUM_JOINTS))
     for number, (image, true_uvd, (*centre_m, half_size_m)) in enumerate(zip(images, joints_uvd, cubes_m, strict=True)):
         cube = Cube(np.array(centre_m, np.float32), half_size_m)
-        found_m = cube.to_metres(model.joints_uvd(image, number))
+        found_m = cube.to_metres(walk(image, model.trees, number))
         errors_m[number] = np.linalg.norm(found_m - cube.to_metres(true_uvd), axis=-1)
     within = errors_m < WITHIN_M
     return {

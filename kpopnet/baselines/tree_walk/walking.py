@@ -43,8 +43,8 @@ UNMEASURED = np.int16(32_767)
 HALF_SIZE_M = 1.15
 """Half the cube's edge, that of the networks."""
 
-STEPS, SETTLING, STEP_M = 128, 32, 0.05
-"""Steps of each joint's walk, the first ones that are left out of the mean, and the length of a step in metres."""
+STEPS, SETTLING, STEP = 128, 32, 0.05 / HALF_SIZE_M
+"""Steps of each joint's walk, the first ones that are left out of the mean, and a step's length, 5 cm, in cube units."""
 
 MAX_DIFFERENCE = 4_000
 """Depth differences are clipped to this, about 45 cm in front of and behind the position. Pixels farther behind and pixels
@@ -54,11 +54,8 @@ START = np.full(NUM_JOINTS, -1, np.int32)
 """(15,) the joint at whose estimate the walk of each joint starts; -1 for the centre of the silhouette."""
 START[[child for _, child in BONES]] = [parent for parent, _ in BONES]
 
-ORDER = [Joint.TORSO]
+ORDER = np.array(sorted(Joint, key=(Joint.TORSO, Joint.NECK, *Joint).index), np.int32)
 """(15,) joints in the order of their walks, parents before children."""
-for _joint in ORDER:
-    ORDER += [child for parent, child in BONES if parent == _joint]
-ORDER = np.array(ORDER, np.int32)
 
 
 class Trees(NamedTuple):
@@ -124,11 +121,10 @@ def find_leaf(trees, joint, image, position):
 
 
 @njit(cache=True)
-def walk(image, trees, steps, settling, step, key):
-    """(15, 3) float32 mean (u, v, d) of the walks of all joints through one (S, S) `integer_image`.
+def walk(image, trees, key):
+    """(15, 3) float32 mean (u, v, d) of the walks of all joints through one (S, S) `integer_image`, seeded by `key`.
 
-    Walks are clipped to the cube: outside it trees give no direction back. The first `settling` of the `steps` are left out of
-    the mean, `step` is the length of a step in cube units, `key` the seed.
+    Walks are clipped to the cube: outside it trees give no direction back.
     """
     mean = np.zeros((NUM_JOINTS, 3), np.float32)
     for joint in ORDER:
@@ -136,18 +132,18 @@ def walk(image, trees, steps, settling, step, key):
         if START[joint] >= 0:
             for axis in range(3):  # element by element: numba compiles a copy of a row for a second
                 position[axis] = mean[START[joint], axis]
-        for number in range(steps):
+        for number in range(STEPS):
             leaf = find_leaf(trees, joint, image, position)
-            draw = random_uniform(key, joint * steps + number)
+            draw = random_uniform(key, joint * STEPS + number)
             chosen = 0
             while trees.share[leaf, chosen] <= draw and chosen < trees.share.shape[1] - 1:
                 chosen += 1
             for axis in range(3):
-                position[axis] = min(max(position[axis] + step * trees.direction[leaf, chosen, axis], -1.0), 1.0)
-                if number >= settling:
+                position[axis] = min(max(position[axis] + STEP * trees.direction[leaf, chosen, axis], -1.0), 1.0)
+                if number >= SETTLING:
                     total[axis] += position[axis]
         for axis in range(3):
-            mean[joint, axis] = total[axis] / (steps - settling)
+            mean[joint, axis] = total[axis] / (STEPS - SETTLING)
     return mean
 
 
@@ -167,10 +163,6 @@ class TreeWalkModel:
 
     crop_px: int
     trees: Trees
-
-    def joints_uvd(self, image: np.ndarray, number: int) -> np.ndarray:
-        """(15, 3) float32 joints in cube coordinates from a (crop_px, crop_px) `integer_image`; `number` seeds the walks."""
-        return walk(image, self.trees, STEPS, SETTLING, STEP_M / HALF_SIZE_M, number)
 
     def save(self, folder: Path, described: dict) -> None:
         """Writes trees.safetensors and meta.json, with configuration, data and metrics (`described`, JSON types)."""
@@ -206,15 +198,11 @@ def _read_trees(path: Path) -> Trees:
         check_array(f"{path}: {name}", arrays[name].shape, arrays[name].dtype, schema, lengths)
     trees = Trees(*(arrays[name] for name in Trees._fields))
     parents = np.flatnonzero(trees.child >= 0)
-    after = (trees.child[parents] > parents) & (trees.child[parents] < lengths["nodes"] - 1)
-    for right, expectation in (
-        (trees.share.size > 0, "a direction in each leaf"),
-        ((trees.root >= 0) & (trees.root < lengths["nodes"]), "roots that are nodes"),
-        (after, "children that are nodes after their parent"),
-        (trees.child >= -lengths["leaves"], "leaves that exist"),
-        ([np.isfinite(arrays[name]).all() for name in ("direction", "share")], "finite numbers"),
-    ):
-        expect(bool(np.all(right)), str(path), expectation)
+    last, children = lengths["nodes"] - 1, trees.child[parents]
+    valid = (trees.root >= 0).all() and (trees.root <= last).all() and (children > parents).all() and (children < last).all()
+    valid = valid and trees.share.size > 0 and (trees.child >= -lengths["leaves"]).all()
+    expect(bool(valid), str(path), "roots that are nodes, children after their parent, and leaves with a direction")
+    expect(all(np.isfinite(one).all() for one in (trees.direction, trees.share)), str(path), "finite numbers")
     return trees
 
 
@@ -252,6 +240,6 @@ class TreeWalkEstimator:
         result = Estimate.missing(len(depth_m))
         for frame, cube in person_cubes(depth_m, camera, HALF_SIZE_M).items():
             image = integer_image(crop(depth_m[frame], camera, cube, self.model.crop_px)[0])
-            result.joints_camera_m[frame] = cube.to_metres(self.model.joints_uvd(image, frame))
+            result.joints_camera_m[frame] = cube.to_metres(walk(image, self.model.trees, frame))
             result.confidence[frame] = 1
         return result
