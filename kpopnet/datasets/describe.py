@@ -11,9 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from kpopnet.datasets.eval import EvalBenchmark
-from kpopnet.datasets.point_clouds import PointCloudBenchmark, PointRecording
-from kpopnet.datasets.smmc10 import Smmc10Benchmark
+from kpopnet.datasets.point_clouds import EvalBenchmark, PointCloudBenchmark, PointRecording, Smmc10Benchmark
 from kpopnet.errors import InputError
 from kpopnet.runtime.endings import user_errors
 from kpopnet.viz.drawing import depth_rgb, enlarged, save_png, write

@@ -1,8 +1,35 @@
-"""What EVAL and SMMC-10 share: organised point clouds, the camera fitted to them, and the map from ids to joints.
+"""Benchmarks `eval` (Ganapathi et al., ECCV 2012) and `smmc10` (Ganapathi et al., CVPR 2010), read as published.
 
-A file is one sequence of C structs, one a frame. A frame has one point for each pixel (metres, x right, y up, z negative in
-front of the camera) and the positions of joints or markers, which have ids instead of names. The map from our joints to ids is
-not published in full, so it is a setting; `kpopnet.datasets.describe` lists the ids in the files.
+A file is one sequence of C structs, one a frame, and nothing else. A frame has one point for each pixel (metres, x right, y up,
+z negative in front of the camera; z = 0: not measured), to which a camera is fitted, and the positions of joints or markers,
+which have ids instead of names. EVAL's seq_<subject>_<number>.bin has 930,704 bytes a frame:
+
+    int32    magic, frame
+    float32  points[240][320][3]
+    int32    nmarkers
+    { char name[255]; float32 x, y, z; } markers[32]      one byte of padding after the name; z = 0: absent; not used here
+    int32    njoints
+    { int32 id; float32 x, y, z; } joints[32]             z = 0: absent
+
+SMMC-10's real01_<number>.cal.bin has 458,004 bytes a frame, or 458,008 where the compiler padded it to a multiple of int64's
+size:
+
+    int32    magic (-1982), frame
+    int64    timestamp
+    float32  points[25344][3]
+    uint16   dist[25344], amp[25344], conf[25344]     raw values of the SwissRanger; not used here
+    int32    nmarkers
+    { int32 id, frame; float32 x, y, z, cond; uint32 flag; } markers[64]     visible where cond > 0
+
+Its camera was in portrait orientation: point i is at column i // 176 and row i % 176 of an image of 144 x 176. Its true
+positions are markers on the clothes, not joints in the body: a marker is some centimetres away from its joint, by an
+unpublished distance. Reports therefore give the raw error and the error after a constant offset of each joint is subtracted.
+
+Which id is which joint is not published in full, so it is a setting; `kpopnet.datasets.describe` lists the ids in the files.
+configs/benchmark/smmc10.yaml has the map of one public reader for head and hands (which also has 35 and 37 on the left lower
+leg, 43 and 41 on the right):
+
+    python evaluate.py benchmark=smmc10 benchmark.path=PATH 'benchmark.joints={head: [1, 3], left_hand: 24}'
 """
 
 import logging
@@ -223,3 +250,60 @@ def checked_map(joints: Mapping[str, Any]) -> dict[str, list[int]]:
             expect(set(own) != set(others), f"benchmark.joints: {other} and {name}", f"different ids, found {own} for both")
         ids[name] = own
     return ids
+
+
+EVAL_FRAME = np.dtype(
+    [
+        ("magic", "<i4"),
+        ("frame", "<i4"),
+        ("points", "<f4", (240, 320, 3)),
+        ("nmarkers", "<i4"),
+        ("markers", [("name", "S256"), ("pos", "<f4", 3)], 32),
+        ("njoints", "<i4"),
+        ("joints", [("id", "<i4"), ("pos", "<f4", 3)], 32),
+    ]
+)
+SMMC10_FIELDS = [
+    ("magic", "<i4"),
+    ("frame", "<i4"),
+    ("timestamp", "<i8"),
+    ("points", "<f4", (144, 176, 3)),
+    ("dist", "<u2", 25344),
+    ("amp", "<u2", 25344),
+    ("conf", "<u2", 25344),
+    ("nmarkers", "<i4"),
+    ("markers", [("id", "<i4"), ("frame", "<i4"), ("pos", "<f4", 3), ("cond", "<f4"), ("flag", "<u4")], 64),
+]
+
+
+class EvalBenchmark(PointCloudBenchmark):
+    """Reads the published EVAL."""
+
+    name = "eval"
+    truth = "motion capture"
+    about = (
+        "Real Kinect depth of whole scenes. The joints come from marker-based motion capture; the authors of the set defined "
+        "their positions in the body. The paper evaluates on this set."
+    )
+    set_name, first_file, suffix, fps = "EVAL", "seq_a_0.bin", ".bin", 30.0
+    name_pattern = re.compile(r"seq_(?P<subject>[a-z]+)_(?P<number>\d+)")
+    layouts, lists = (EVAL_FRAME,), ("markers", "joints")
+    points_m = staticmethod(lambda frame: frame["points"])
+    is_visible = staticmethod(lambda joints: joints["pos"][:, 2] != 0)
+
+
+class Smmc10Benchmark(PointCloudBenchmark):
+    """Reads the published SMMC-10."""
+
+    name = "smmc10"
+    truth = "motion-capture markers"
+    about = (
+        "Real SwissRanger depth. The true positions are markers on the surface of the body, not joints inside it. Read the "
+        "error after subtracting the constant offset of each joint beside the raw error. Joints without a known marker are "
+        "not evaluated. The paper evaluates on this set."
+    )
+    set_name, first_file, suffix, fps = "SMMC-10", "real01_1.cal.bin", ".cal.bin", 25.0
+    name_pattern = re.compile(r"real\d+_(?P<number>\d+)")  # who is recorded is not published
+    layouts, magic, lists = (np.dtype(SMMC10_FIELDS), np.dtype(SMMC10_FIELDS, align=True)), -1982, ("markers",)
+    points_m = staticmethod(lambda frame: frame["points"].swapaxes(0, 1))
+    is_visible = staticmethod(lambda markers: markers["cond"] > 0)

@@ -13,12 +13,10 @@ import numpy as np
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.baselines.tree_walk.walking import TreeWalkEstimator, TreeWalkEstimatorConfig
 from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet, open_set
-from kpopnet.datasets.eval import EvalBenchmark
 from kpopnet.datasets.itop import ItopBenchmark, ItopConfig
-from kpopnet.datasets.point_clouds import PointCloudConfig
+from kpopnet.datasets.point_clouds import EvalBenchmark, PointCloudConfig, Smmc10Benchmark
 from kpopnet.datasets.protocol import Benchmark, BenchmarkConfig
 from kpopnet.datasets.simulated import PeopleSet, SimulatedBenchmark
-from kpopnet.datasets.smmc10 import Smmc10Benchmark
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
 from kpopnet.errors import InputError

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 from point_cloud_files import CAMERAS, FIRST, FRAMES, points_of, position_m, scene, smmc10_frame
 
-from kpopnet.datasets.eval import FRAME, EvalBenchmark
-from kpopnet.datasets.point_clouds import PointCloudConfig, checked_map
-from kpopnet.datasets.smmc10 import PACKED, PADDED, Smmc10Benchmark
+from kpopnet.datasets.point_clouds import EvalBenchmark, PointCloudConfig, Smmc10Benchmark, checked_map
 from kpopnet.errors import InputError
 from kpopnet.evaluation.registry import build_benchmark
 from kpopnet.skeleton import Joint
@@ -38,8 +36,9 @@ def read(path: Path, joints=MAP):
 
 
 def test_the_layouts_are_the_published_ones():
-    assert (FRAME.itemsize, PACKED.itemsize, PADDED.itemsize) == (930_704, 458_004, 458_008)
-    for layout, padding in ((PACKED, b""), (PADDED, bytes(4))):
+    packed, padded = Smmc10Benchmark.layouts
+    assert (EvalBenchmark.layouts[0].itemsize, packed.itemsize, padded.itemsize) == (930_704, 458_004, 458_008)
+    for layout, padding in ((packed, b""), (padded, bytes(4))):
         frame = np.frombuffer(smmc10_frame(2, padding=padding), layout)[0]
         assert (frame["dist"][300], frame["amp"][300], frame["conf"][300]) == (300, 7, 9)
         assert tuple(frame["markers"][3][["id", "frame", "cond", "flag"]]) == (24, 2, 1.0, 3)
