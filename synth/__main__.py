@@ -54,10 +54,9 @@ from synth.scene.render import make_renderer
 from synth.scene.scene import Scene
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.check_sim import CheckSim
-from synth.simulated.eval_sim import EvalSim
 from synth.simulated.generator import SetGenerator
 from synth.simulated.rooms import Rooms
-from synth.simulated.smmc10_sim import Smmc10Sim
+from synth.simulated.stand_ins import EvalSim, Smmc10Sim
 from synth.simulated.two_people import TwoPeople
 
 

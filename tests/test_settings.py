@@ -22,8 +22,8 @@ from synth.samples.placing import StageConfig
 from synth.samples.sampler import CameraConfig
 from synth.sensor.model import SensorConfig
 from synth.simulated.check_sim import CheckSimConfig
-from synth.simulated.eval_sim import EvalSimConfig
 from synth.simulated.rooms import RoomsConfig
+from synth.simulated.stand_ins import EvalSimConfig
 
 TOLD = {
     r"ridge\.epsilon_r": partial(RidgeConfig, epsilon_r=-0.1),

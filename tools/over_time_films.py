@@ -38,10 +38,10 @@ from synth.motion.splice import cut, follow, resampled
 from synth.scene.room import DANCE_HALL
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
-from synth.simulated.eval_sim import EvalSim
 from synth.simulated.film import Studio, Take
 from synth.simulated.generator import is_faulty, random_excerpt
 from synth.simulated.sequences import BODY, penetrates_itself
+from synth.simulated.stand_ins import EvalSim
 
 FPS, FRAMES, RECORDED_EVERY = 30.0, 210, 3
 KINDS = ("dance", "dance", "dance", "mixture", "crossed_punches", "kicks", "turns", "sitting")

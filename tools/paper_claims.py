@@ -48,9 +48,9 @@ from kpopnet.y_pose.initial_pose import find_initial_pose
 from synth.body.shape import Person, draw_person
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import CleanFrame, measure_frame
 from synth.simulated.sequences import BODY
+from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 
 CAMERA, SEED, FILMS, SECONDS, FINEST = CAMERAS["eval"], 24101, 8, 8, 8
 """The finest pace has `FINEST` images for each of 30 a second."""

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from synth.motion.splice import resampled
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.film import Played, Take
+from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 
 TIMES, FRAMES = 4, 480
 

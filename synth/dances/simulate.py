@@ -117,6 +117,7 @@ class KpopSim(SetGenerator):
     part, finished_files, unfinished_files = "dance", f"*/{LABELS}", "dance_*/.*.tmp"
     generator: ClassVar[int] = 4
     camera = CAMERA
+    seeded = ("dance", "teacher", "learner", "skill", "place", "noise", "order", "profile", "faults")
 
     benchmark: KpopSimConfig = field(default_factory=KpopSimConfig)
     sensor: SensorConfig = SENSORS["kinect_2"]
@@ -142,15 +143,6 @@ class KpopSim(SetGenerator):
     def teacher_motion(self) -> Callable[[int], Motion]:
         """The motion of the teacher of a dance, by the dance's number; as `_teacher_motion`."""
         return lru_cache(maxsize=4)(self._teacher_motion)
-
-    def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
-        """The seed of a part of a dance. Only this benchmark's seeds start with its name."""
-        benchmark = self.benchmark
-        kinds = ("dance", "teacher", "learner", "skill", "place", "noise", "order", "profile", "faults")
-        return *b"kpop_sim", benchmark.seed, SPLITS.index(benchmark.split), kinds.index(kind), *numbers
-
-    def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
-        return np.random.default_rng(self._seed(kind, *numbers))
 
     def _person(self, rng: np.random.Generator) -> Person:
         """Draws a person; in the split test, one of the benchmarks' people."""

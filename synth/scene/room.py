@@ -201,7 +201,7 @@ def overlaps_boxes(vertices_m, place_m, centres_m, halves_m, yaws_rad, clearance
 
     The boxes have (K, 3) centres, (K, 3) half sizes along their own axes and (K,) rotations about the vertical, as in `Room`.
     """
-    low, high = vertices_m[0].astype(np.float64), vertices_m[0].astype(np.float64)
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for i in range(len(vertices_m)):
         for axis in range(3):
             low[axis] = min(low[axis], vertices_m[i, axis])

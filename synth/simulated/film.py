@@ -21,7 +21,7 @@ from synth.samples.observe import LIMB_ENDS
 from synth.samples.sampler import body_rotations
 from synth.scene.mesh import about_z
 from synth.scene.render import make_renderer
-from synth.scene.room import Furniture, Room, View, ViewConfig, draw_room, draw_view
+from synth.scene.room import Furniture, Room, View, ViewConfig, draw_room, draw_view, overlaps_boxes
 from synth.scene.scene import Scene
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SensorConfig, measure_labelled
@@ -92,19 +92,6 @@ class CleanFrame:
     person_m: np.ndarray  # (H, W) float32 depth of the person without the room, metres, 0 elsewhere
     room_m: np.ndarray  # (H, W) float32 depth of the room without the person, metres, 0 where it has no surface
     joints_camera_m: np.ndarray  # (15, 3) float32 true joints, metres
-
-
-@dataclass(frozen=True)
-class Film:
-    """T measured frames of one person with ground truth."""
-
-    depth_m: np.ndarray  # (T, H, W) float32 depth of the whole scene, metres, 0 where nothing was measured
-    person: np.ndarray  # (T, H, W) bool, pixels that show the person
-    joints_camera_m: np.ndarray  # (T, 15, 3) float32 true joints, metres
-    # (T, M, 3) float32 markers on skin or clothes, metres, in the order of `synth.body.markers.MARKERS`
-    markers_camera_m: np.ndarray
-    markers_tracked: np.ndarray  # (T, M) bool, markers visible to a motion-capture system around the person
-    camera: Camera
 
 
 class Studio:
@@ -229,20 +216,17 @@ class Studio:
         return CleanFrame(number, self.renderer.person_m(), room_m, joints_m)
 
     def shots(self, take: Take, sensor: SensorConfig, noise: FilmNoise, frames: range) -> Iterator[dict[str, np.ndarray]]:
-        """Renders and measures frames of a take: of each the arrays of a `Film` but for the axis of time, by name.
+        """Renders and measures frames of a take: what `measure_frame` returns, true joints (15, 3) and markers (M, 3), metres.
 
-        A frame is the same whichever others are made.
+        The markers on skin or clothes, in the order of `synth.body.markers.MARKERS`, are NaN where no motion-capture system
+        around the person would see them. A frame is the same whichever others are made.
         """
         for clean in self.render(take, frames):
             depth_m, person = measure_frame(clean, self.scene.camera, sensor, noise)
             skin_m = self.renderer.vertices_world_m()
-            yield {
-                "depth_m": depth_m,
-                "person": person,
-                "joints_camera_m": clean.joints_camera_m,
-                "markers_camera_m": take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32),
-                "markers_tracked": tracked_markers(skin_m, take.place_m),
-            }
+            markers_m = take.view.to_camera(skin_m[list(MARKERS.values())]).astype(np.float32)
+            markers_m[~tracked_markers(skin_m, take.place_m)] = np.nan
+            yield {"depth_m": depth_m, "person": person, "joints_camera_m": clean.joints_camera_m, "markers_m": markers_m}
 
     def pose(self, played: Played, number: int, place_m: np.ndarray) -> None:
         """Poses the person of a motion as in frame `number`, moved by (3,) metres in the world."""
@@ -291,7 +275,7 @@ def nearest_surfaces(room_m: np.ndarray, people_m: Sequence[np.ndarray]) -> tupl
 
 def pixels_of_people(labels: np.ndarray, people: int) -> np.ndarray:
     """(P,) int32 pixels of (H, W) labels of `nearest_surfaces` that show each person."""
-    return np.array([np.count_nonzero(labels == PERSON + person) for person in range(people)], np.int32)
+    return np.bincount(labels.ravel(), minlength=PERSON + people)[PERSON : PERSON + people].astype(np.int32)
 
 
 def are_apart(joints_m: list[np.ndarray]) -> bool:
@@ -317,12 +301,4 @@ def standing_room_m(room: Room) -> tuple[np.ndarray, np.ndarray]:
 def collides(room: Room, points_world_m: np.ndarray) -> bool:
     """Whether any of (N, 3) points lies inside a piece of furniture or within FURNITURE_CLEARANCE_M of it."""
     furniture = (array[ROOM_BOXES:] for array in (room.centres_m, room.halves_m, room.yaws_rad))
-    for centre, half, yaw in zip(*furniture, strict=True):
-        offset = points_world_m - centre
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        local = np.stack(
-            [cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0], offset[:, 2]], axis=1
-        )
-        if (np.abs(local) < half + FURNITURE_CLEARANCE_M).all(axis=1).any():
-            return True
-    return False
+    return overlaps_boxes(points_world_m, np.zeros(3), *furniture, FURNITURE_CLEARANCE_M)

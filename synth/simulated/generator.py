@@ -12,18 +12,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.datasets.simulated import MANIFEST
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
 from kpopnet.runtime.input_files import read_json
 from kpopnet.viz.drawing import save_png
 from synth.body.asset import ASSET
-from synth.motion import MotionConfig, build_motion, identity_of_recordings
+from synth.motion import SPLITS, MotionConfig, build_motion, identity_of_recordings
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, resampled
 from synth.resumable import make_missing
 from synth.sensor.model import SENSORS, SensorConfig
 
-MANIFEST = "manifest.json"
 MAX_HIP_ACCELERATION_M_S2 = 50.0
 """A greater acceleration of the hips is not a dancer's jump but an error of the recording."""
 
@@ -44,6 +44,7 @@ class SetGenerator(ABC):
     camera: ClassVar[Camera]
     composed_only: ClassVar[str] = ""  # why recorded motion is refused; empty where it is not
     images_differ: ClassVar[bool] = False  # whether images differ in size, which OpenGL's window does not: the CPU draws
+    seeded: ClassVar[tuple[str, ...]] = ("person", "sequence", "noise")  # what has random generators of its own
 
     benchmark: Any  # identity and size of the set
     # `choreography` for composed motion, or `clips` for recordings of the pack's test subjects
@@ -64,6 +65,14 @@ class SetGenerator(ABC):
             raise InputError(f"motion=clips: {self.composed_only}")
         if self.images_differ:
             object.__setattr__(self, "renderer", "cpu")
+
+    def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
+        """The seed of one kind of `seeded`. Only this benchmark's seeds start with its name."""
+        split = (SPLITS.index(self.benchmark.split),) if hasattr(self.benchmark, "split") else ()
+        return *self.benchmark.name.encode(), self.benchmark.seed, *split, self.seeded.index(kind), *numbers
+
+    def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
+        return np.random.default_rng(self._seed(kind, *numbers))
 
     @cached_property
     def recordings(self) -> Any:

@@ -11,7 +11,7 @@ show the person after the sensor.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
@@ -20,7 +20,7 @@ import numpy as np
 from kpopnet.camera import CAMERAS
 from kpopnet.datasets.simulated import StoredSequence, read_sequence
 from kpopnet.errors import InputError
-from synth.body.shape import BodyConfig, Person, draw_person
+from synth.body.shape import BodyConfig, Person
 from synth.rooms.held_back import BENCHMARK_CLUTTER
 from synth.rooms.images import measure_scene
 from synth.rooms.scene import MOST_PEOPLE, RoomScenes
@@ -28,7 +28,7 @@ from synth.samples.sampler import SampleConfig
 from synth.simulated.casts import CASTS, FPS
 from synth.simulated.film import pixels_of_people
 from synth.simulated.room_films import FILM_PX, RoomFilms, RoomTake, draw_take
-from synth.simulated.sequences import TILES, Selection, frame_tile
+from synth.simulated.sequences import TILES, People, Selection, frame_tile
 
 SINGLE = "single_image"
 ROUNDS, SINGLES_A_ROUND = 5, 80
@@ -39,7 +39,6 @@ SENSOR_SHARES = {"kinect_v1": 0.5, "kinect_2": 0.35, "swissranger": 0.15}
 """How many single images each sensor measures."""
 
 IMAGE_ROWS = 4  # rows of single images in the contact sheet
-TRIES = 60  # casts drawn for a film
 
 
 @dataclass
@@ -72,6 +71,7 @@ class Rooms(RoomFilms):
 
     about = "SIMULATED films and images of any number of people in rooms, no real person."
     names = "room_{:03d}"
+    body, tries, nothing_fits = BodyConfig(), 60, "casts is in view and clear of the room"
     composed_only = "recordings know of no second person; take motion=choreography"
     camera, fps = CAMERAS["eval"], FPS  # the camera of some; each sequence has its own
     kinds: ClassVar[tuple[str, ...]] = KINDS
@@ -89,20 +89,12 @@ class Rooms(RoomFilms):
 
     def scene_rng(self, stream: str, number: int) -> np.random.Generator:
         """The generator of a stream of single images; the streams of films are numbered by attempts."""
-        return self._rng("sequence", number, TRIES, *stream.encode())
+        return self._rng("sequence", number, self.tries, *stream.encode())
 
-    def person(self, subject: int) -> Person:
-        return draw_person(self._rng("person", subject), BodyConfig(), "benchmark")
-
-    def take(self, index: int) -> RoomTake:
-        """Draws people, motions, camera and room of a film; raises InputError if none of TRIES casts is in view and clear."""
-        people = cache(lambda number: self.person(self.first_person(index) + number))
-        for attempt in range(TRIES):
-            rng = self._rng("sequence", index, attempt)
-            take = draw_take(rng, self.kind(index), people, int(rng.integers(*self.frames, endpoint=True)))
-            if take is not None:
-                return replace(take, views=(take.view(len(take) // 2),)) if self.benchmark.still_cameras else take
-        raise InputError(f"{self.sequence_name(index)}: none of {TRIES} casts is in view and clear of the room")
+    def draw(self, rng: np.random.Generator, index: int, frames: int, people: People) -> RoomTake | None:
+        take = draw_take(rng, self.kind(index), people, frames)
+        still = take is not None and self.benchmark.still_cameras
+        return replace(take, views=(take.view(len(take) // 2),)) if still else take
 
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         if self.kind(index) != SINGLE:

@@ -1,13 +1,13 @@
-"""Simulated sequences of unseen people; the motion of each set is defined in its own module (`eval_sim`, `smmc10_sim`).
+"""Simulated sequences of unseen people; the motion of each set is defined in its own module.
 
-No person, motion, room or noise of a benchmark is in a training set: its seeds are its own (`SequenceGenerator._rng`), its
+No person, motion, room or noise of a benchmark is in a training set: its seeds are its own (`SetGenerator._rng`), its
 people are near other adults and wear other kinds of garments (`draw_person`), its rooms have other furniture (`DANCE_HALL`).
 """
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,16 +17,12 @@ from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.datasets.simulated import StoredSequence, read_sequence, write_sequence
 from kpopnet.errors import InputError, check_between
 from kpopnet.viz.drawing import TRUE, scene_tile, sheet
-from synth.body.markers import MARKERS
 from synth.body.outfit import ClothesConfig
 from synth.body.shape import BodyConfig, Person, draw_person
-from synth.motion.choreography.programmes import START_S, start_pose
-from synth.motion.skeleton import Motion
-from synth.motion.splice import cut, follow
-from synth.scene.room import DANCE_HALL, ViewConfig
+from synth.scene.room import ViewConfig
 from synth.sensor.film_noise import FilmNoise
-from synth.simulated.film import Film, Played, Studio, Take
-from synth.simulated.generator import SetGenerator, is_faulty
+from synth.simulated.film import Played
+from synth.simulated.generator import SetGenerator
 
 BODY = BodyConfig(clothes=ClothesConfig(skirt=0.0, coat=0.0, hat=0.0, backpack=0.0, bag=0.0))
 """People as they come to a motion-capture session: markers are worn on trousers and tops. (The Y pose of a person in a skirt
@@ -39,9 +35,10 @@ STANDING_PENETRATION_M, EXTRA_PENETRATION_M = 0.06, 0.03
 value beyond the greater of the first value and the person's penetration while standing. When broad people stand, their forearms
 penetrate their thighs, with clothes, by 6 cm, which is not visible."""
 
-MOTION_TRIES, ROOM_TRIES = 100, 8  # motions tried for a sequence, and rooms tried for each motion
 TILES = 10
 TILE_WIDTH_PX, TILE_PORTRAIT_PX = 240, 160
+
+People = Callable[[int], Person]  # the people of a sequence by their number in it, each drawn once
 
 
 @dataclass
@@ -76,6 +73,10 @@ class SequenceGenerator(SetGenerator):
     view: ClassVar[ViewConfig]  # distribution of the camera's pose
     tiles: ClassVar[int] = TILES  # frames of a sequence in the contact sheet
     names: ClassVar[str]  # format of the name of a sequence, by its number
+    body: ClassVar[BodyConfig] = BODY
+    tries: ClassVar[int]  # how often a sequence is drawn, until something fits,
+    nothing_fits: ClassVar[str]  # and what the error says if nothing does: "none of 100 ..."
+    marker_names: ClassVar[tuple[str, ...]] = ()
 
     frames: tuple[int, int] = (100, 400)  # least and greatest length of a sequence, frames
 
@@ -84,12 +85,22 @@ class SequenceGenerator(SetGenerator):
         """The name of sequence `index`, and of its file without the suffix."""
         return cls.names.format(index)
 
-    @abstractmethod
     def take(self, index: int) -> Any:
         """Draws people, motion, room and view of sequence `index`; its length is the number of frames.
 
-        It has a `camera` where that is not the set's.
+        It has a `camera` where that is not the set's. Raises InputError if nothing fits.
         """
+        people = cache(lambda number: self.person(self.first_person(index) + number))
+        for attempt in range(self.tries):
+            rng = self._rng("sequence", index, attempt)
+            take = self.draw(rng, index, int(rng.integers(*self.frames, endpoint=True)), people)
+            if take is not None:
+                return take
+        raise InputError(f"{self.sequence_name(index)}: none of {self.tries} {self.nothing_fits}")
+
+    def draw(self, rng: np.random.Generator, index: int, frames: int, people: People) -> Any:
+        """Draws what `take` returns, where a set does not override that; None if it does not fit."""
+        raise NotImplementedError
 
     @abstractmethod
     def shots(self, index: int, take: Any, frames: range) -> Iterator[dict[str, np.ndarray]]:
@@ -104,40 +115,27 @@ class SequenceGenerator(SetGenerator):
 
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         """Makes sequence `index` and calls `on_frame` after each frame."""
-        take = self.take(index)
-        return self.stored(index, getattr(take, "camera", self.camera), self.stacked(index, take, None, on_frame))
+        take, arrays = self.take(index), {}
+        for number, shot in enumerate(self.shots(index, take, range(len(take)))):
+            for name, value in shot.items():
+                arrays.setdefault(name, np.empty((len(take), *value.shape), value.dtype))[number] = value
+            on_frame()
+        return self.stored(index, getattr(take, "camera", self.camera), arrays)
 
     def stored(self, index: int, camera: Camera, arrays: dict[str, Any]) -> StoredSequence:
         """Sequence `index` with the arrays of a `StoredSequence`."""
         people = tuple(f"person {self.first_person(index) + number}" for number in range(arrays["joints_m"].shape[1]))
-        return StoredSequence(self.sequence_name(index), self.kind(index), self.fps, camera, people, **arrays)
+        name, kind = self.sequence_name(index), self.kind(index)
+        return StoredSequence(name, kind, self.fps, camera, people, marker_names=self.marker_names, **arrays)
 
     def kind(self, index: int) -> str:
         return "recorded" if self.motion.source == "clips" else self.kinds[index % len(self.kinds)]
-
-    def stacked(self, index: int, take: Any, frames: int | None, on_frame: Callable[[], None]) -> dict[str, np.ndarray]:
-        """The arrays of the first shots of sequence `index`, or of all, with a first axis of T frames."""
-        arrays: dict[str, np.ndarray] = {}
-        count = len(take) if frames is None else min(frames, len(take))
-        for number, shot in enumerate(self.shots(index, take, range(count))):
-            for name, value in shot.items():
-                arrays.setdefault(name, np.empty((count, *value.shape), value.dtype))[number] = value
-            on_frame()
-        return arrays
-
-    def _seed(self, kind: str, *numbers: int) -> tuple[int, ...]:
-        """The seed of a person, a sequence or its noise. Only this benchmark's seeds start with its name."""
-        selection = self.benchmark
-        return *selection.name.encode(), selection.seed, ("person", "sequence", "noise").index(kind), *numbers
-
-    def _rng(self, kind: str, *numbers: int) -> np.random.Generator:
-        return np.random.default_rng(self._seed(kind, *numbers))
 
     def noise(self, index: int) -> FilmNoise:
         return FilmNoise(self._seed("noise", index))
 
     def person(self, subject: int) -> Person:
-        return draw_person(self._rng("person", subject), BODY, "benchmark")
+        return draw_person(self._rng("person", subject), self.body, "benchmark")
 
     def manifest_entries(self) -> dict:
         return {"benchmark": self.benchmark.name, "about": self.about, "truth": self.truth}
@@ -182,65 +180,3 @@ def penetrates_itself(played: Played, standing_frames: int) -> bool:
     """Whether parts of the body penetrate each other more than while standing, in the first `standing_frames` frames."""
     standing_m = played.penetration_m[:standing_frames].max()
     return bool(played.penetration_m.max() > max(standing_m, STANDING_PENETRATION_M) + EXTRA_PENETRATION_M)
-
-
-class StandIn(SequenceGenerator):
-    """Makes sequences of one person each, every sequence of another; holds one compiled scene."""
-
-    @abstractmethod
-    def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
-        """Composes the motion of sequence `index` after its start pose, at least the given number of seconds long."""
-
-    @cached_property
-    def studio(self) -> Studio:
-        return Studio(self.camera, self.renderer)
-
-    def take(self, index: int) -> Take:
-        """Draws the person, motion, room and view; raises InputError if no motion of the source fits a room and the image."""
-        person = self.person(index)
-        for attempt in range(MOTION_TRIES):
-            rng = self._rng("sequence", index, attempt)
-            motion = self._motion(rng, index, int(rng.integers(*self.frames, endpoint=True)))
-            if is_faulty(motion):
-                continue
-            yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
-            played = self.studio.play(person, motion, yaw_rad, curls_rad)
-            if penetrates_itself(played, round(START_S * self.fps)):
-                continue
-            if (take := self.studio.place_in_rooms(rng, played, self.view, ROOM_TRIES, DANCE_HALL)) is not None:
-                return take
-        raise InputError(
-            f"{self.sequence_name(index)}: none of {MOTION_TRIES} motions stays inside the image and clear of walls and "
-            "furniture without faults; give recordings that stay within about 3 x 2 m, or take motion=choreography"
-        )
-
-    def _motion(self, rng: np.random.Generator, index: int, frames: int) -> Motion:
-        motion, recorded = start_pose(rng, self.fps), self.motion.source == "clips"
-        while len(motion) < frames:
-            left_s = (frames - len(motion)) / self.fps + 1
-            if recorded:
-                part = self.excerpt(rng, int(rng.integers(len(self.recordings))), self.fps, int(left_s * self.fps))
-            else:
-                part = self.compose(rng, index, left_s)
-            motion = follow(motion, part)
-        return cut(motion, 0, frames)
-
-    def shots(self, index: int, take: Take, frames: range) -> Iterator[dict[str, np.ndarray]]:
-        return self.studio.shots(take, self.sensor, self.noise(index), frames)
-
-    def film(self, index: int, frames: int | None = None, on_frame: Callable[[], None] = lambda: None) -> Film:
-        """The first frames of sequence `index`, or all of them."""
-        return Film(**self.stacked(index, self.take(index), frames, on_frame), camera=self.camera)
-
-    def truth_m(self, film: Film, markers_m: np.ndarray) -> np.ndarray:
-        """(T, 15, 3) float32 metres: what the set gives as true joints, NaN where they are unknown.
-
-        The (T, M, 3) markers are NaN where they are not tracked.
-        """
-        return film.joints_camera_m
-
-    def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
-        film = self.film(index, on_frame=on_frame)
-        markers_m = np.where(film.markers_tracked[..., None], film.markers_camera_m, np.float32(np.nan))
-        arrays = {"depth": film.depth_m, "joints_m": self.truth_m(film, markers_m)[:, None], "markers_m": markers_m[:, None]}
-        return self.stored(index, self.camera, arrays | {"marker_names": tuple(MARKERS)})

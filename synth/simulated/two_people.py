@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.errors import InputError
 from synth.motion.choreography.pairs import LEAVES_IMAGE, SCRIPTS, Part, draw_duet
 from synth.samples.layers import millimetres
 from synth.scene.room import DANCE_HALL, ViewConfig, draw_room, draw_view
@@ -29,13 +28,12 @@ from synth.simulated.film import (
     on_stage,
     pixels_of_people,
 )
-from synth.simulated.sequences import HEADING_STD_DEG, Selection, SequenceGenerator, penetrates_itself
+from synth.simulated.sequences import HEADING_STD_DEG, People, Selection, SequenceGenerator, penetrates_itself
 
 FPS = 30.0
 CAMERA = CAMERAS["eval"]
 
-SCENE_TRIES, ROOM_TRIES, PLACES = 100, 16, 12
-"""Scenes tried for a sequence, rooms tried for each, and places in each room."""
+ROOM_TRIES, PLACES = 16, 12  # rooms tried for a scene, and places in each room
 
 STAGE_M = ((-0.25, 0.25), (2.3, 3.6))
 """Ranges of the middle of the stage: to the right of the camera, and from it; metres."""
@@ -73,6 +71,7 @@ class TwoPeople(SequenceGenerator):
     camera, fps = CAMERA, FPS
     view = ViewConfig(height_m=(0.9, 1.7), aim_m=(0.85, 1.15))
     kinds = tuple(SCRIPTS)
+    tries, nothing_fits = 100, "scenes stays inside a room and the image"
 
     def first_person(self, index: int) -> int:
         return 2 * index
@@ -81,27 +80,21 @@ class TwoPeople(SequenceGenerator):
     def studios(self) -> tuple[Studio, Studio]:
         return Studio(CAMERA, self.renderer), Studio(CAMERA, self.renderer)
 
-    def take(self, index: int) -> Duet:
-        """Draws the people, duet, room and view; raises InputError if none stays inside a room and the image."""
-        kind, people = self.kind(index), [self.person(self.first_person(index) + number) for number in (0, 1)]
-        for attempt in range(SCENE_TRIES):
-            rng = self._rng("sequence", index, attempt)
-            parts = draw_duet(rng, kind, int(rng.integers(*self.frames, endpoint=True)), FPS)
-            cast = []
-            for studio, person, part in zip(self.studios, people, parts, strict=True):
-                yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
-                cast.append(studio.play(person, part.motion, 0.0 if kind == "hug" else yaw_rad, curls_rad))
-            if any(penetrates_itself(played, round(FPS)) for played in cast):
-                continue
-            joints_m = (
-                studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(part.place_m, 0.0))
-                for studio, played, part in zip(self.studios, cast, parts, strict=True)
-            )
-            if kind != "hug" and not are_apart([*joints_m]):
-                continue
-            if (placed := self._place(rng, cast, parts, kind in LEAVES_IMAGE)) is not None:
-                return placed
-        raise InputError(f"{self.sequence_name(index)}: none of {SCENE_TRIES} scenes stays inside a room and the image")
+    def draw(self, rng: np.random.Generator, index: int, frames: int, people: People) -> Duet | None:
+        kind, cast = self.kind(index), []
+        parts = draw_duet(rng, kind, frames, FPS)
+        for number, (studio, part) in enumerate(zip(self.studios, parts, strict=True)):
+            yaw_rad, curls_rad = np.radians(HEADING_STD_DEG) * rng.normal(), rng.uniform(0.0, 1.5, 2)
+            cast.append(studio.play(people(number), part.motion, 0.0 if kind == "hug" else yaw_rad, curls_rad))
+        if any(penetrates_itself(played, round(FPS)) for played in cast):
+            return None
+        joints_m = (
+            studio.joints_world_m(played.person, played.local, played.hips_m + on_stage(part.place_m, 0.0))
+            for studio, played, part in zip(self.studios, cast, parts, strict=True)
+        )
+        if kind != "hug" and not are_apart([*joints_m]):
+            return None
+        return self._place(rng, cast, parts, kind in LEAVES_IMAGE)
 
     def _place(self, rng: np.random.Generator, cast: list[Played], parts: list[Part], leaves: bool) -> Duet | None:
         """Searches a place in a room where both are seen whole, but for the second where they leave the image."""

@@ -1,10 +1,20 @@
-"""Helpers for tests of simulated benchmarks: true joints in the world, and the seeds of random generators."""
+"""Helpers for tests of simulated benchmarks: films, true joints in the world, and the seeds of random generators."""
+
+from types import SimpleNamespace
 
 import numpy as np
 
 from synth.simulated.film import Studio, Take
+from synth.simulated.stand_ins import StandIn
 
 Seed = tuple[int, ...]
+
+
+def film_of(maker: StandIn, index: int, frames: int | None = None) -> SimpleNamespace:
+    """The first frames of a sequence, or all: its camera, and the arrays of `Studio.shots` with a first axis of T frames."""
+    take = maker.take(index)
+    shots = list(maker.studio.shots(take, maker.sensor, maker.noise(index), range(len(take))[:frames]))
+    return SimpleNamespace(camera=maker.camera, **{name: np.array([shot[name] for shot in shots]) for name in shots[0]})
 
 
 def joints_world_m(studio: Studio, take: Take) -> np.ndarray:

@@ -21,7 +21,8 @@ from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.finder.finder import PersonFinder
 from kpopnet.tracker.tracker import Tracker
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
+from synth.simulated.stand_ins import EvalSim, EvalSimConfig
+from tests.helpers.stand_ins import film_of
 
 FPS = 30.0
 SOURCE_FRAMES = 300
@@ -44,7 +45,7 @@ def main() -> None:
     parser.add_argument("--fast", action="store_true", help="do not wait for real time")
     given = parser.parse_args()
 
-    film = EvalSim(EvalSimConfig(), renderer="cpu").film(0, frames=SOURCE_FRAMES)
+    film = film_of(EvalSim(EvalSimConfig()), 0, SOURCE_FRAMES)
     forth_and_back = np.concatenate([np.arange(SOURCE_FRAMES), np.arange(SOURCE_FRAMES)[::-1]])
     frames = given.minutes * MINUTE
     order = np.resize(forth_and_back, frames)

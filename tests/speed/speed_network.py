@@ -6,12 +6,13 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+from stand_ins import film_of
 
 from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.onnx_export import export_network
 from kpopnet.pose import PoseEstimator
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
+from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 from tests.speed.common import Figures, one_core, untrained
 
 CROPS, ROUNDS = 20, 15
@@ -46,7 +47,7 @@ def _crops(backends: dict, crop_px: int) -> Figures:
 
 def _frames(network: NetworkEstimator) -> Figures:
     """Whole 320x240 frames of a dance, one after another."""
-    film, figures = EvalSim(EvalSimConfig(seed=21)).film(0, FRAMES), {}
+    film, figures = film_of(EvalSim(EvalSimConfig(seed=21)), 0, FRAMES), {}
     for mode, name in (("realtime", "network.path_fps"), ("best", "network.path_fps_best")):
         estimator, frames_ms = PoseEstimator(network, mode), []
         for depth_m in film.depth_m:

@@ -1,15 +1,16 @@
 """How fast a person is found and followed: extraction and tracking of whole 320x240 frames, on one core."""
 
 import time
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
+from stand_ins import film_of
 
 from kpopnet.finder.finder import PersonFinder
 from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.tracker.tracker import Tracker
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
-from synth.simulated.film import Film
+from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 from tests.speed.common import Figures, one_core
 
 FRAMES = 240
@@ -20,7 +21,7 @@ EXTRACTED, ROUNDS, SETTLED = 200, 7, 30
 def measure() -> Figures:
     """Frames of `eval_sim`."""
     simulator = EvalSim(EvalSimConfig(seed=21))
-    films = [simulator.film(index, FRAMES) for index in SEQUENCES]
+    films = [film_of(simulator, index, FRAMES) for index in SEQUENCES]
     with one_core():
         _follow(films[0])  # compiles
         frames_ms, transforms_ms = np.concatenate([_follow(film) for film in films]).T
@@ -34,7 +35,7 @@ def measure() -> Figures:
     }
 
 
-def _follow(film: Film) -> list[tuple[float, float]]:
+def _follow(film: SimpleNamespace) -> list[tuple[float, float]]:
     """Milliseconds of every frame, from the raw image to the joints, and of a distance transform of it."""
     extractor, person, times_ms = PersonFinder(film.camera), Tracker(film.camera), []
     person.start(film.joints_camera_m[0])
@@ -52,7 +53,7 @@ def _follow(film: Film) -> list[tuple[float, float]]:
 
 def _extraction() -> Figures:
     """Finding a person in a furnished room: by the finder and by Algorithm 1."""
-    film = EvalSim(EvalSimConfig()).film(0, frames=EXTRACTED)
+    film = film_of(EvalSim(EvalSimConfig()), 0, EXTRACTED)
     figures: Figures = {}
     for name in ("finder", "paper_extraction"):
         frames_ms = np.empty((ROUNDS, EXTRACTED))

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cone_people import error_m
+from stand_ins import film_of
 
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig, PaperTrackerEstimator
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
+from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 
 PRINTED, REPAIRED = PaperTrackerConfig(), PaperTrackerConfig(repaired=True)
 
@@ -15,7 +16,7 @@ PRINTED, REPAIRED = PaperTrackerConfig(), PaperTrackerConfig(repaired=True)
 @pytest.fixture(scope="module")
 def simulated():
     """60 frames of a simulated dance: depth of the person, true joints, camera. It starts in the Y pose."""
-    film = EvalSim(EvalSimConfig(seed=11), frames=(60, 60)).film(0)
+    film = film_of(EvalSim(EvalSimConfig(seed=11), frames=(60, 60)), 0)
     return np.where(film.person, film.depth_m, np.float32(0)), film.joints_camera_m.astype(np.float64), film.camera
 
 

@@ -5,13 +5,14 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from cone_people import PLACE_M, cone_body, cone_joints, draw_cones, error_m, filmed, tracked
+from stand_ins import film_of
 
 from kpopnet.camera import CAMERAS
 from kpopnet.estimator import Estimate
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, Joint
 from kpopnet.tracker.tracker import FLIP_STRIDE, Tracker
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
+from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 
 CAMERA = CAMERAS["kinect_v1"]
 LOST_FRAMES = 30
@@ -36,7 +37,7 @@ def dancer():
 @pytest.fixture(scope="module")
 def simulated():
     """30 frames of a simulated dance: depth of the person, true joints, camera. It starts in the Y pose."""
-    film = EvalSim(EvalSimConfig(seed=11), frames=(60, 60)).film(0, frames=30)
+    film = film_of(EvalSim(EvalSimConfig(seed=11), frames=(60, 60)), 0, frames=30)
     return np.where(film.person, film.depth_m, np.float32(0)), film.joints_camera_m.astype(np.float64), film.camera
 
 

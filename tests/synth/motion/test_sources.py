@@ -9,7 +9,7 @@ from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.motion.skeleton import LEG_M, REST_OFFSETS_M, Motion
 from synth.samples.sampler import SampleConfig
 from synth.samples.writer import SetConfig
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
+from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 
 STILL = Motion(np.tile(np.eye(4, dtype=np.float32)[0], (3, 23, 1)), np.ones((3, 3), np.float32), 30.0, "still", LEG_M)
 

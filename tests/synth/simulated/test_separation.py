@@ -17,9 +17,8 @@ from synth.rooms.images import RoomImagesSet
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene import room as rooms
 from synth.simulated.check_sim import CheckSim
-from synth.simulated.eval_sim import EvalSim, EvalSimConfig
 from synth.simulated.rooms import Rooms
-from synth.simulated.smmc10_sim import Smmc10Sim
+from synth.simulated.stand_ins import EvalSim, EvalSimConfig, Smmc10Sim
 from synth.simulated.two_people import TwoPeople
 
 PEOPLE = 12
