@@ -27,7 +27,7 @@ from kpopnet.geometry.depth_grid import UNREACHABLE_M, build_depth_grid, farthes
 from kpopnet.geometry.human_model import _REGULARISATION, HumanModel
 from kpopnet.skeleton import Joint
 from kpopnet.tracker.limbs import END_RADIUS_M, move_inside, torso_points
-from synth.motion.limbs import hanging_arm, neutral_trunk, stance
+from synth.motion.limbs import upright
 from synth.motion.poses.families import FAMILIES, Angles
 
 SEED = 100
@@ -40,11 +40,6 @@ LEVEL_DEG = 10.0
 """A camera counts as level if the spine of who stands before it leans by at most this many degrees in the image."""
 
 Seen = tuple[np.ndarray, Camera, np.ndarray]
-
-
-def hanging(generator: np.random.Generator) -> Angles:
-    """An upright person with hanging arms, as `kpopnet.tracker.start` assumes."""
-    return stance(generator) | neutral_trunk(generator) | hanging_arm(generator, "left") | hanging_arm(generator, "right")
 
 
 def print_y_pose(people: list[Seen]) -> None:
@@ -185,7 +180,7 @@ def everything(generator: np.random.Generator) -> Angles:
 
 PARTS = {
     "y_pose": (print_y_pose, y_angles, 450),
-    "standing": (print_standing, hanging, 1500),
+    "standing": (print_standing, upright, 1500),  # with hanging arms, as `kpopnet.tracker.start` assumes
     "tips": (print_tips, everything, 600),
 }
 

@@ -6,7 +6,7 @@ They tell what a score means, through a sensor and an estimator too; the order o
 import numpy as np
 
 from synth.motion.posture import CHANNELS, STANDING, rotations
-from synth.motion.skeleton import Motion, height_above_floor
+from synth.motion.skeleton import Motion, on_floor_m
 from synth.motion.splice import at_times
 
 ENDS = ("perfect", "another dance", "waving", "standing still")
@@ -35,6 +35,5 @@ def end_motion(end: str, teacher: Motion, other: Motion, rng: np.random.Generato
 
 def on_the_floor(postures: np.ndarray, like: Motion, name: str) -> Motion:
     """The motion of a person who stays in place in (T, C) postures, with the frame rate and the legs of another motion."""
-    quats, root_m = rotations(postures), np.zeros((len(postures), 3))
-    root_m[:, 1] = -height_above_floor(quats, root_m)
-    return Motion(quats, root_m.astype(np.float32), like.fps, name, like.leg_m)
+    quats = rotations(postures)
+    return Motion(quats, on_floor_m(quats), like.fps, name, like.leg_m)

@@ -13,7 +13,9 @@ Item = TypeVar("Item")
 SIDES = ("left", "right")
 OTHER_SIDE = {"left": "right", "right": "left"}
 
-REACHES = {  # place: raise, plane, twist and elbow that bring the mean adult's hand there
+Reach = tuple[float, float, float, float]  # raise, plane, twist and elbow of an arm
+
+REACHES: dict[str, Reach] = {  # place: what brings the mean adult's hand there
     "head_top": (130, 5, 92, 132),
     "back_of_head": (133, 30, 97, 142),
     "ear": (101, 54, 78, 146),
@@ -60,9 +62,13 @@ def mirrored(shape: Mapping[str, float]) -> Angles:
     return swapped
 
 
+def arm(side: str, reach: Reach) -> Angles:
+    return limb(side, **dict(zip(("raise", "plane", "twist", "elbow"), reach, strict=True)))
+
+
 def arm_to(side: str, place: str) -> Angles:
     """An arm whose hand is at one of the places of `REACHES`."""
-    return limb(side, **dict(zip(("raise", "plane", "twist", "elbow"), REACHES[place], strict=True)))
+    return arm(side, REACHES[place])
 
 
 def hanging_arm(generator: np.random.Generator, side: str) -> Angles:
@@ -146,10 +152,6 @@ def trunk(generator: np.random.Generator, amount: float = 1.0) -> Angles:
     }
 
 
-def neutral_trunk(generator: np.random.Generator) -> Angles:
-    return trunk(generator, 0.3)
-
-
 def flat_footed(generator: np.random.Generator, side: str, flex: float, knee: float, abduct: float, pitch: float) -> Angles:
     """A standing leg whose sole is nearly flat on the floor under hips that are pitched by `pitch`; angles in degrees."""
     point = flex - knee - pitch
@@ -188,3 +190,8 @@ def stance(generator: np.random.Generator) -> Angles:
         knee = soft + max(-step, 0.0) + max(-sign * roll, 0.0) * 2
         legs |= flat_footed(generator, side, step + knee / 2, knee, wide + sign * roll, legs["hips_pitch"])
     return legs
+
+
+def upright(generator: np.random.Generator) -> Angles:
+    """Standing with hanging arms."""
+    return stance(generator) | trunk(generator, 0.3) | hanging_arm(generator, "left") | hanging_arm(generator, "right")

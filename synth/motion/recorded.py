@@ -122,12 +122,22 @@ def open_clips(path: str | Path, split: str, fps: float | None = None) -> Record
     folder = Path(path)
     if (folder / "index.csv").is_file():
         return _open_pack(folder, split)
-    if files := _bvh_files(folder):
-        return _open_bvh(folder, files, split, fps)
-    found = "does not exist" if not folder.exists() else "holds neither an index.csv nor *.bvh files"
-    raise InputError(
-        f"motion.path={path} {found}; expected a motion pack, BVH files or a folder of them. motion=choreography needs no data"
-    )
+    if not (files := _bvh_files(folder)):
+        found = "does not exist" if not folder.exists() else "holds neither an index.csv nor *.bvh files"
+        raise InputError(
+            f"motion.path={path} {found}; expected a motion pack, BVH files or a folder of them. "
+            "motion=choreography needs no data"
+        )
+    if len(files) < SPLIT_PERIOD:
+        log.warning("%s: %d BVH files are too few to split; %s uses them all", folder, len(files), split)
+    else:
+        files = _split(files, split)
+
+    def read(index: int) -> Recording:
+        motion = bvh_motion(files[index], fps)
+        return motion, np.ones(len(motion), bool)
+
+    return Recordings(read, [None] * len(files))
 
 
 def _bvh_files(path: Path) -> list[Path]:
@@ -153,19 +163,6 @@ def _split(files: list[Path], split: str) -> list[Path]:
     )
     first, last = {"test": (0, tests), "validation": (tests, tests + validations)}.get(split, (tests + validations, None))
     return sorted(places[first:last])
-
-
-def _open_bvh(path: Path, files: list[Path], split: str, fps: float | None) -> Recordings:
-    if len(files) < SPLIT_PERIOD:
-        log.warning("%s: %d BVH files are too few to split; %s uses them all", path, len(files), split)
-    else:
-        files = _split(files, split)
-
-    def read(index: int) -> Recording:
-        motion = bvh_motion(files[index], fps)
-        return motion, np.ones(len(motion), bool)
-
-    return Recordings(read, [None] * len(files))
 
 
 def bvh_motion(path: Path, fps: float | None = None) -> Motion:
@@ -249,12 +246,11 @@ def _read_index(path: Path) -> list[dict[str, str]]:
         rows, names = list(reader), reader.fieldnames or []
     except csv.Error as error:
         raise InputError(f"{path}: not a table of comma-separated values ({error})") from error
-    for column in ("clip_id", "file", "split", "seconds"):
-        if column not in names:
-            raise InputError(f"{path} has no column {column!r}; it has {names_in(map(str, names))}")
+    columns = {"clip_id", "file", "split", "seconds"}
+    expect(columns <= set(names), str(path), f"columns {', '.join(sorted(columns))}, not {names_in(map(str, names))}")
     for number, row in enumerate(rows, start=2):
         where, file = f"{path}, row {number}", PurePosixPath(row["file"] or "")
-        expect(None not in row and all(isinstance(value, str) for value in row.values()), where, f"{len(names)} values")
+        expect(None not in row and None not in row.values(), where, f"{len(names)} values")
         inside = not file.is_absolute() and ".." not in file.parts and len(row["file"]) <= 200 and "\0" not in row["file"]
         expect(inside, where, f"a file inside the pack, not {row['file'][:60]!r}")
         try:

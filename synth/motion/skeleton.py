@@ -157,6 +157,13 @@ def height_above_floor(quats: np.ndarray, root_m: np.ndarray) -> np.ndarray:
     return (points[..., 1] - CLEARANCE_M).min(axis=1)
 
 
+def on_floor_m(quats: np.ndarray) -> np.ndarray:
+    """(N, 3) float32 positions of Hips above the origin with which poses (N, 23, 4) touch the floor, metres."""
+    root_m = np.zeros((len(quats), 3), np.float32)
+    root_m[:, 1] = -height_above_floor(quats, root_m)
+    return root_m
+
+
 def mirrored(quats: np.ndarray) -> np.ndarray:
     """Rotations (..., 23, 4) of the mirrored pose, left and right swapped. The x of a root changes its sign."""
     return quats[..., MIRROR[:NUM_JOINTS], :] * np.array([1, 1, -1, -1], quats.dtype)

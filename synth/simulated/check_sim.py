@@ -13,25 +13,18 @@ import numpy as np
 from kpopnet.camera import CAMERAS
 from kpopnet.datasets.check_script import END_S, SCRIPT, step_s
 from kpopnet.errors import InputError
-from synth.motion.choreography.moves import Key, Move, arms, concat, lower, mirror, together, turning, upper
-from synth.motion.choreography.pairs import walk
+from synth.motion.choreography.moves import Key, Move, arms, concat, lower, mirror, repeat, together, turning, upper
+from synth.motion.choreography.pairs import LEFT, RIGHT, STEPS, walk
 from synth.motion.choreography.stage import Style, perform
-from synth.motion.choreography.vocabulary import LOWER
 from synth.motion.skeleton import LEG_M
 from synth.scene.props import seat_under
 from synth.scene.room import DANCE_HALL, Room, View, ViewConfig, draw_room, draw_view
 from synth.sensor.model import SENSORS
 from synth.simulated.film import ROOM_BOXES, Studio, collides
-from synth.simulated.room_films import Actor, RoomFilms, RoomTake, room_meshes
+from synth.simulated.room_films import SENSOR_OF_CAMERA, Actor, RoomFilms, RoomTake, room_meshes
 from synth.simulated.sequences import Selection
 
 PEOPLE, ROOMS, FPS = 5, 3, 30.0
-SENSOR_OF_CAMERA = {
-    "eval": "kinect_v1", "kinect_v1": "kinect_v1", "smmc10": "swissranger", "kinect_2": "kinect_2",
-    "azure_kinect": "kinect_2", "realsense": "kinect_v1",
-}  # fmt: skip
-"""The sensor model of each preset: its own, or that of the same principle (time of flight, or triangulation)."""
-
 NEAREST_M, HALF_HEIGHT_M = 2.4, 1.38
 """Least distance of the place to stand from the camera, and least half of the height that the image shows there."""
 
@@ -47,8 +40,6 @@ BPM = 120.0  # two steps a second, a usual cadence of walking
 STEP_BACK_M = 0.35  # how far the feet of the sitting person are behind the place where they stood
 SIT_KEYS = {"hips_z": -0.40, "drop": 0.43, "hips_pitch": -4.0}
 SAT_S = (36.2, 39.0)  # between these seconds the person sits still
-_STEPS = together(LOWER["march"], upper(Key(1, arms("hang"))))
-_LEFT, _RIGHT, _ABOUT = turning(_STEPS, 90), turning(_STEPS, -90), turning(concat(_STEPS, _STEPS), 180)
 
 
 @dataclass
@@ -142,11 +133,11 @@ def _sitting(beats: float) -> Move:
 
 def check_minute(way_m: float, from_left: bool) -> Move:
     """The script, danced at BPM; the person comes from `way_m` metres to the right or left, and goes back there."""
-    ways = concat(_RIGHT, walk(way_m), _LEFT), concat(_LEFT, walk(way_m), _ABOUT)
+    come, leave = concat(RIGHT, walk(way_m), LEFT), concat(LEFT, walk(way_m), turning(repeat(STEPS, 2), 180))
     raised = upper(Key(2, arms("up")), Key(3, arms("up")), Key(2, arms("hang")))
     parts = {
-        "empty room": _rest(1), "come in": ways[0], "stand still": _rest(1), "turn": turning(concat(*[_STEPS] * 6), 360),
-        "raise hands": raised, "sit": _sitting(7), "leave": ways[1], "come back": concat(walk(way_m), _LEFT),
+        "empty room": _rest(1), "come in": come, "stand still": _rest(1), "turn": turning(repeat(STEPS, 6), 360),
+        "raise hands": raised, "sit": _sitting(7), "leave": leave, "come back": concat(walk(way_m), LEFT),
     }  # fmt: skip
     timed = []
     for step in SCRIPT:

@@ -35,7 +35,13 @@ from synth.simulated.film import (
 )
 from synth.simulated.sequences import SequenceGenerator
 
-SENSOR_OF_CAMERA = {"eval": "kinect_v1", "kinect_v1": "kinect_v1", "kinect_2": "kinect_2", "smmc10": "swissranger"}
+SENSOR_OF_CAMERA = {
+    "eval": "kinect_v1", "kinect_v1": "kinect_v1", "smmc10": "swissranger", "kinect_2": "kinect_2",
+    "azure_kinect": "kinect_2", "realsense": "kinect_v1",
+}  # fmt: skip
+"""The sensor model of each preset: its own, or that of the same principle (time of flight, or triangulation)."""
+
+FILM_CAMERAS = ("eval", "kinect_v1", "kinect_2", "smmc10")
 FILM_PX = ((160, 120), (320, 240), (640, 576), (848, 480))  # most (width, height) of drawn cameras, pixels
 PLACES = 40  # places before a camera that are drawn for a cast
 
@@ -124,7 +130,7 @@ def draw_take(rng: np.random.Generator, kind: str, people: Callable[[int], Perso
 def draw_film_camera(rng: np.random.Generator) -> tuple[Camera, SensorConfig]:
     """A camera that exists, or any other, and its sensor."""
     if rng.random() < 0.5:
-        name = str(rng.choice(list(SENSOR_OF_CAMERA)))
+        name = str(rng.choice(FILM_CAMERAS))
         return CAMERAS[name], SENSORS[SENSOR_OF_CAMERA[name]]
     return draw_camera(rng, FILM_PX[rng.integers(len(FILM_PX))]), SENSORS[str(rng.choice(("kinect_v1", "kinect_2")))]
 

@@ -93,8 +93,9 @@ class Rooms(RoomFilms):
 
     def draw(self, rng: np.random.Generator, index: int, frames: int, people: People) -> RoomTake | None:
         take = draw_take(rng, self.kind(index), people, frames)
-        still = take is not None and self.benchmark.still_cameras
-        return replace(take, views=(take.view(len(take) // 2),)) if still else take
+        if take is None or not self.benchmark.still_cameras:
+            return take
+        return replace(take, views=(take.view(len(take) // 2),))
 
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         if self.kind(index) != SINGLE:

@@ -20,7 +20,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 
-from synth.motion.limbs import OTHER_SIDE, arm_to, mirrored
+from synth.motion import limbs
+from synth.motion.limbs import OTHER_SIDE, Reach, mirrored
 from synth.motion.posture import CHANNELS, LEG_ANGLES, STANDING
 
 Shape = Mapping[str, float]
@@ -55,15 +56,12 @@ class Move:
     upper: tuple[Key, ...]  # keys of trunk, head and arms
 
     def __post_init__(self) -> None:
-        assert abs(_beats(self.lower) - _beats(self.upper)) < 1e-9, (_beats(self.lower), _beats(self.upper))
+        lower, upper = (sum(key.beats for key in track) for track in (self.lower, self.upper))
+        assert abs(lower - upper) < 1e-9, (lower, upper)
 
     @property
     def beats(self) -> float:
-        return _beats(self.lower)
-
-
-def _beats(track: tuple[Key, ...]) -> float:
-    return sum(key.beats for key in track)
+        return sum(key.beats for key in self.lower)
 
 
 def concat(*moves: Move) -> Move:
@@ -111,7 +109,7 @@ def together(lower: Move, upper: Move) -> Move:
     return Move(lower.lower * round(times[0]), upper.upper * round(times[1]))
 
 
-_ARMS: dict[str, tuple[float, float, float, float]] = {  # raise, plane, twist, elbow
+_ARMS: dict[str, Reach] = {
     "hang": (8, 0, 0, 12),
     "back": (38, -70, -10, 15),
     "side": (90, 0, 0, 4),
@@ -135,9 +133,6 @@ _ARMS: dict[str, tuple[float, float, float, float]] = {  # raise, plane, twist, 
 _OF_BOTH_SIDES = (*LEG_CHANNELS, "raise", "plane", "twist", "elbow", "pronate", "wrist", "shrug")
 Place = tuple[float, float]  # of a foot: metres outwards from the middle, and in front
 
-Reach = str | tuple[float, float, float, float]
-"""Where an arm is: a direction of `_ARMS`, a place on the body (`limbs.REACHES`), or its raise, plane, twist and elbow."""
-
 
 def _sided(channels: Mapping[str, float]) -> dict[str, float]:
     """The channels, with those of a limb that name no side given to both."""
@@ -147,14 +142,12 @@ def _sided(channels: Mapping[str, float]) -> dict[str, float]:
     return sided
 
 
-def _arm(side: str, reach: Reach) -> dict[str, float]:
-    if isinstance(reach, str) and reach not in _ARMS:
-        return arm_to(side, reach)
-    values = _ARMS[reach] if isinstance(reach, str) else reach
-    return dict(zip((f"{side}_{name}" for name in ("raise", "plane", "twist", "elbow")), values, strict=True))
+def _arm(side: str, reach: str | Reach) -> dict[str, float]:
+    """An arm in a direction of `_ARMS`, at a place on the body (`limbs.REACHES`), or with its own angles."""
+    return limbs.arm(side, (limbs.REACHES | _ARMS)[reach] if isinstance(reach, str) else reach)
 
 
-def arms(left: Reach, right: Reach | None = None, **changes: float) -> dict[str, float]:
+def arms(left: str | Reach, right: str | Reach | None = None, **changes: float) -> dict[str, float]:
     """The shape of both arms (the same for both if only one is given), with other angles of arms, trunk and head.
 
     An arm's angle that names no side is of both arms: `arms("side", elbow=30)`.

@@ -24,9 +24,9 @@ CROSSING_GAP_M = (0.55, 1.3)
 """Range of the distance, along the camera's axis, between the ways of two people who cross."""
 
 HUG_M = (0.36, 0.46)  # range of the distance between the trunks of people who hug
-_STEPS = together(LOWER["march"], upper(Key(1, arms("hang"))))
-_SPOT = repeat(_STEPS, 2)
-_LEFT, _RIGHT = turning(_STEPS, 90), turning(_STEPS, -90)
+STEPS = together(LOWER["march"], upper(Key(1, arms("hang"))))  # on the spot, with hanging arms
+LEFT, RIGHT = turning(STEPS, 90), turning(STEPS, -90)
+_SPOT = repeat(STEPS, 2)
 _HUGGING = arms("front", plane=66, elbow=58, twist=10)
 _SWING = arms((20, -70, 0, 10), (26, 80, 0, 22))  # arms while the left foot is in front
 
@@ -68,7 +68,7 @@ def _dance(generator: np.random.Generator, beats: float) -> Move:
 def _crossing(generator: np.random.Generator, beats: float) -> Script:
     """They change places, one before the other."""
     half_gap, half = uniform(generator, *CROSSING_GAP_M) / 2, uniform(generator, 0.65, 0.85)
-    way = concat(_SPOT, _LEFT, walk(2 * half), _RIGHT)
+    way = concat(_SPOT, LEFT, walk(2 * half), RIGHT)
     first, second = (concat(part, _dance(generator, beats - way.beats)) for part in (way, mirror(way)))
     return (first, (-half, half_gap)), (second, (half, -half_gap))
 
@@ -76,7 +76,7 @@ def _crossing(generator: np.random.Generator, beats: float) -> Script:
 def _behind(generator: np.random.Generator, beats: float) -> Script:
     """One dances, the other walks past behind and back."""
     half_gap, half = uniform(generator, *CROSSING_GAP_M) / 2, uniform(generator, 0.65, 0.85)
-    way = concat(_SPOT, _LEFT, walk(2 * half), _RIGHT, _SPOT, _RIGHT, walk(2 * half), _LEFT)
+    way = concat(_SPOT, LEFT, walk(2 * half), RIGHT, _SPOT, RIGHT, walk(2 * half), LEFT)
     passing = concat(way, _dance(generator, beats - way.beats))
     return (_dance(generator, beats), (0.0, half_gap)), (passing, (-half, -half_gap))
 
@@ -85,14 +85,14 @@ def _hug(generator: np.random.Generator, beats: float) -> Script:
     """They walk up to each other, hug, and part."""
     half, close = uniform(generator, 0.75, 0.9), uniform(generator, *HUG_M) / 2
     embrace = upper(Key(2, _HUGGING), Key(4, _HUGGING), Key(2, arms("hang")))
-    way = concat(_SPOT, _LEFT, walk(half - close), embrace, walk(close - half), _RIGHT)
+    way = concat(_SPOT, LEFT, walk(half - close), embrace, walk(close - half), RIGHT)
     first, second = (concat(part, _dance(generator, beats - way.beats)) for part in (way, mirror(way)))
     return (first, (-half, 0.0)), (second, (half, 0.0))
 
 
 def _leaving(generator: np.random.Generator, beats: float) -> Script:
     """One dances, the other walks out of the image."""
-    going = concat(_SPOT, _SPOT, _LEFT, walk(uniform(generator, 1.9, 2.1)))
+    going = concat(_SPOT, _SPOT, LEFT, walk(uniform(generator, 1.9, 2.1)))
     depth_m = uniform(generator, -0.3, 0.3)
     return (_dance(generator, beats), (-0.45, 0.0)), (going, (0.4, depth_m))
 
@@ -100,7 +100,7 @@ def _leaving(generator: np.random.Generator, beats: float) -> Script:
 def _entering(generator: np.random.Generator, beats: float) -> Script:
     """One dances, the other walks into the image and dances too."""
     way_m = uniform(generator, 1.8, 2.0)
-    coming = concat(_RIGHT, walk(way_m), _LEFT)
+    coming = concat(RIGHT, walk(way_m), LEFT)
     coming = concat(coming, _dance(generator, beats - coming.beats))
     depth_m = uniform(generator, -0.3, 0.3)
     return (_dance(generator, beats), (-0.5, 0.0)), (coming, (0.5 + way_m, depth_m))

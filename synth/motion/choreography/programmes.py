@@ -12,7 +12,7 @@ from synth.motion.choreography.moves import Key, Move, arms, both_sides, concat,
 from synth.motion.choreography.stage import Style, monotone, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
 from synth.motion.limbs import SIDES, Angles, choose, limb, uniform
-from synth.motion.posture import CHANNELS, angles, limited, rotations
+from synth.motion.posture import CHANNELS, angles, rotations
 from synth.motion.skeleton import LEG_M, Motion
 from synth.motion.splice import cut, follow, planted
 
@@ -183,9 +183,13 @@ def handstand(generator: np.random.Generator, seconds: float, fps: float) -> Mot
         (0.8 * pace, {}),
     ]
     times = np.cumsum([length for length, _ in keys])
-    curve = monotone(times, np.array([angles(**shape) for _, shape in keys]))
-    postures = curve(np.arange(int(times[-1] * fps) + 1) / fps)
-    return planted(rotations(limited(postures)), fps, "handstand", LEG_M)
+    postures = np.array([angles(**shape) for _, shape in keys])
+    return _between(times, postures, int(times[-1] * fps) + 1, fps, "handstand")
+
+
+def _between(times: np.ndarray, postures: np.ndarray, frames: int, fps: float, name: str) -> Motion:
+    """The motion through (K, channels) postures at (K,) times, seconds, with feet or hands that keep their place."""
+    return planted(rotations(monotone(times, postures)(np.arange(frames) / fps)), fps, name, LEG_M)
 
 
 def _both(**angles: float) -> Angles:
@@ -234,8 +238,7 @@ def held(generator: np.random.Generator, pose: Angles, frames: int, fps: float, 
     times = np.arange(0, frames / fps + 2 * _UNREST_S, _UNREST_S)
     keys = np.tile(angles(**pose), (len(times), 1))
     keys[:, _RESTLESS] += unrest_deg * generator.standard_normal((len(times), len(_RESTLESS)))
-    postures = monotone(times, keys)(np.arange(frames) / fps)
-    return planted(rotations(limited(postures)), fps, "held", LEG_M)
+    return _between(times, keys, frames, fps, "held")
 
 
 _UNREST_S = 0.8

@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from kpopnet.rotations import about, conjugate, multiply, rotate
 from synth.motion.choreography.moves import RELAXED_LOWER, RELAXED_UPPER, Key, Move
-from synth.motion.posture import CHANNELS, LEG_COLUMNS, STANDING, limited, rotations, yaw_pitch_roll
+from synth.motion.posture import CHANNELS, LEG_COLUMNS, STANDING, rotations, yaw_pitch_roll
 from synth.motion.skeleton import CLEARANCE_M, INDEX, LEG_M, REST_OFFSETS_M, Motion, height_above_floor
 
 THIGH_M = -REST_OFFSETS_M[INDEX["LeftLeg"], 1]
@@ -63,7 +63,7 @@ def perform(move: Move, bpm: float, frames: int, fps: float, name: str, style: S
     for channel, values in _upper_angles(move.upper, bpm, seconds, style).items():
         postures[:, CHANNELS[channel]] = values
 
-    track, heading, origin_m, feet_m, feet_yaw = _FootPlan(move.lower, 60.0 / bpm, style).at(seconds)
+    track, heading, origin_m, feet_m, feet_yaw = _foot_plan(move.lower, 60.0 / bpm, style.sharpness, seconds)
     upright = np.clip(1.0 - track["drop"] / 0.3, 0.0, 1.0)
     beat = seconds * bpm / 60.0
     drop_m = track["drop"] + style.bounce_m * upright * (0.5 - 0.5 * np.cos(2 * np.pi * beat))
@@ -76,7 +76,7 @@ def perform(move: Move, bpm: float, frames: int, fps: float, name: str, style: S
 
     for side in (0, 1):
         postures[:, LEG_COLUMNS[side]] = _leg(side, hips, root_m, feet_m[side], feet_yaw[side], track)
-    quats = rotations(limited(postures))
+    quats = rotations(postures)
     quats[:, 0] = multiply(about(1, heading), quats[:, 0])
 
     # Where hands, knees or seat would be below the floor, the whole body is lifted; the lift is smoothed over time.
@@ -130,77 +130,6 @@ def _upper_angles(track: Sequence[Key], bpm: float, seconds: np.ndarray, style: 
     return out
 
 
-class _FootPlan:
-    """The lower track in the world: the dancer's frame and the feet at every key and between keys."""
-
-    def __init__(self, track: Sequence[Key], beat_s: float, style: Style) -> None:
-        self._times, shown = _key_times(track, beat_s, style.sharpness)
-        shapes = [RELAXED_LOWER | (dict(track[i].shape) if i >= 0 else {}) for i in shown]
-        self._channels = list(RELAXED_LOWER)
-        values = np.array([[shape[c] for c in self._channels] for shape in shapes])
-        heading, origin, feet, yaw = 0.0, np.zeros(2), [], []
-        headings, origins = [], []
-        for k, shape in enumerate(shapes):
-            local = np.array([[s * shape[f"{side}_foot_x"], shape[f"{side}_foot_z"]] for side, s in _SIDES])
-            if k and shown[k] != shown[k - 1]:
-                key = track[shown[k]]
-                heading += np.deg2rad(key.turn)
-                if key.anchor is not None:
-                    side = ("left", "right").index(key.anchor)
-                    origin = feet[-1][side] - _rotated(local[side], heading)
-            headings.append(heading)
-            origins.append(origin)
-            feet.append(origin + _rotated(local, heading))
-            yaw.append([heading + s * np.deg2rad(shape[f"{side}_foot_yaw"]) for side, s in _SIDES])
-        self._feet, self._values = np.array(feet), values  # (K, 2, 2), (K, channels)
-        self._smooth = monotone(self._times, np.column_stack([values, headings, origins, yaw]))
-
-    def at(self, seconds: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Channels by name; heading (T,) in radians and place (T, 2), x and z in metres, of the dancer's frame; ankles
-        (2, T, 3) in metres and their yaw (2, T) in radians.
-        """
-        seconds = np.minimum(seconds, self._times[-1])
-        n = len(self._channels)
-        smooth = self._smooth(seconds)
-        track = {c: smooth[:, i] for i, c in enumerate(self._channels)}
-        k = np.clip(np.searchsorted(self._times, seconds, side="right") - 1, 0, len(self._times) - 2)
-        u = (seconds - self._times[k]) / (self._times[k + 1] - self._times[k])
-
-        distance = np.linalg.norm(np.diff(self._feet, axis=0), axis=-1)  # (K-1, 2)
-        steps = distance > _MIN_STEP_M
-        free = self._airborne()
-        starts, ends = np.zeros_like(distance), np.ones_like(distance)
-        # If both feet step between two keys, each has half of the time; the foot on the side of the motion steps first.
-        shared = steps.all(axis=1) & ~free.any(axis=1)
-        heading = smooth[np.searchsorted(seconds, self._times[:-1]).clip(max=len(seconds) - 1), n]
-        across = np.diff(self._feet.mean(axis=1), axis=0)
-        leftwards = across[:, 0] * np.cos(heading) - across[:, 1] * np.sin(heading)
-        first = np.where(leftwards >= -1e-9, 0, 1)
-        rows = np.flatnonzero(shared)
-        ends[rows, first[rows]] = 0.5
-        starts[rows, 1 - first[rows]] = 0.5
-
-        ankles = np.empty((2, len(seconds), 3))
-        for side, (name, _) in enumerate(_SIDES):
-            w = np.clip((u - starts[k, side]) / (ends[k, side] - starts[k, side]), 0.0, 1.0)
-            step = (self._feet[k + 1, side] - self._feet[k, side]) * (w * w * (3 - 2 * w))[:, None]
-            position = self._feet[k, side] + step
-            height = np.where(steps & ~free, np.minimum(_LIFT_BASE_M + _LIFT_PER_M * distance, _MAX_LIFT_M), 0.0)
-            lift = height[k, side] * np.sin(np.pi * w) ** 2
-            # The ankle of a foot on its toes is higher.
-            toes = _TOE_M * np.sin(np.deg2rad(np.maximum(track[f"{name}_foot_pitch"], 0.0)))
-            ankles[side, :, 0], ankles[side, :, 2] = position.T
-            ankles[side, :, 1] = ANKLE_M + lift + toes + track[f"{name}_foot_y"]
-            track[f"{name}_foot_pitch"] = track[f"{name}_foot_pitch"] + 200 * lift
-        return track, smooth[:, n], smooth[:, n + 1 : n + 3], ankles, smooth[:, n + 3 :].T
-
-    def _airborne(self) -> np.ndarray:
-        """(K-1, 2) bool: the feet that the keys lift off the floor in an interval, so that a step needs no further lift."""
-        column = {c: self._values[:, i] for i, c in enumerate(self._channels)}
-        up = np.stack([np.maximum(column["air"], column[f"{side}_foot_y"]) > 0.03 for side, _ in _SIDES], axis=1)
-        return up[1:] | up[:-1]
-
-
 _SIDES = (("left", 1.0), ("right", -1.0))
 
 
@@ -208,6 +137,75 @@ def _rotated(points: np.ndarray, heading: float) -> np.ndarray:
     """Rotates points (..., 2), x and z, to the left by `heading` radians."""
     x, z, c, s = points[..., 0], points[..., 1], np.cos(heading), np.sin(heading)
     return np.stack([x * c + z * s, z * c - x * s], axis=-1)
+
+
+def _placed(track: Sequence[Key], shown: list[int], shapes: list[dict[str, float]]) -> tuple[np.ndarray, ...]:
+    """Of the dancer's frame at the knots, its heading (K,) in radians and its place (K, 2), x and z in metres; and of the feet
+    their places (K, 2, 2) in metres and their yaw (K, 2) in radians.
+    """
+    heading, origin, feet, yaw = 0.0, np.zeros(2), [], []
+    headings, origins = [], []
+    for k, shape in enumerate(shapes):
+        local = np.array([[s * shape[f"{side}_foot_x"], shape[f"{side}_foot_z"]] for side, s in _SIDES])
+        if k and shown[k] != shown[k - 1]:
+            key = track[shown[k]]
+            heading += np.deg2rad(key.turn)
+            if key.anchor is not None:
+                side = ("left", "right").index(key.anchor)
+                origin = feet[-1][side] - _rotated(local[side], heading)
+        headings.append(heading)
+        origins.append(origin)
+        feet.append(origin + _rotated(local, heading))
+        yaw.append([heading + s * np.deg2rad(shape[f"{side}_foot_yaw"]) for side, s in _SIDES])
+    return np.array(headings), np.array(origins), np.array(feet), np.array(yaw)
+
+
+def _foot_plan(
+    track: Sequence[Key], beat_s: float, sharpness: float, seconds: np.ndarray
+) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The lower track in the world at times (T,): its channels by name; heading (T,) in radians and place (T, 2), x and z in
+    metres, of the dancer's frame; ankles (2, T, 3) in metres and their yaw (2, T) in radians.
+    """
+    times, shown = _key_times(track, beat_s, sharpness)
+    shapes = [RELAXED_LOWER | (dict(track[i].shape) if i >= 0 else {}) for i in shown]
+    keys = np.array([list(shape.values()) for shape in shapes])
+    headings, origins, feet, yaw = _placed(track, shown, shapes)
+    seconds = np.minimum(seconds, times[-1])
+    n = len(RELAXED_LOWER)
+    smooth = monotone(times, np.column_stack([keys, headings, origins, yaw]))(seconds)
+    channels = dict(zip(RELAXED_LOWER, smooth.T, strict=False))
+    k = np.clip(np.searchsorted(times, seconds, side="right") - 1, 0, len(times) - 2)
+    u = (seconds - times[k]) / (times[k + 1] - times[k])
+
+    distance = np.linalg.norm(np.diff(feet, axis=0), axis=-1)  # (K-1, 2)
+    steps = distance > _MIN_STEP_M
+    # Feet that the keys lift off the floor in an interval need no further lift for a step.
+    key = dict(zip(RELAXED_LOWER, keys.T, strict=True))
+    up = np.stack([np.maximum(key["air"], key[f"{side}_foot_y"]) > 0.03 for side, _ in _SIDES], axis=1)
+    free = up[1:] | up[:-1]
+    starts, ends = np.zeros_like(distance), np.ones_like(distance)
+    # If both feet step between two keys, each has half of the time; the foot on the side of the motion steps first.
+    shared = steps.all(axis=1) & ~free.any(axis=1)
+    heading = smooth[np.searchsorted(seconds, times[:-1]).clip(max=len(seconds) - 1), n]
+    across = np.diff(feet.mean(axis=1), axis=0)
+    leftwards = across[:, 0] * np.cos(heading) - across[:, 1] * np.sin(heading)
+    first = np.where(leftwards >= -1e-9, 0, 1)
+    rows = np.flatnonzero(shared)
+    ends[rows, first[rows]] = 0.5
+    starts[rows, 1 - first[rows]] = 0.5
+
+    ankles = np.empty((2, len(seconds), 3))
+    for side, (name, _) in enumerate(_SIDES):
+        w = np.clip((u - starts[k, side]) / (ends[k, side] - starts[k, side]), 0.0, 1.0)
+        step = (feet[k + 1, side] - feet[k, side]) * (w * w * (3 - 2 * w))[:, None]
+        height = np.where(steps & ~free, np.minimum(_LIFT_BASE_M + _LIFT_PER_M * distance, _MAX_LIFT_M), 0.0)
+        lift = height[k, side] * np.sin(np.pi * w) ** 2
+        # The ankle of a foot on its toes is higher.
+        toes = _TOE_M * np.sin(np.deg2rad(np.maximum(channels[f"{name}_foot_pitch"], 0.0)))
+        ankles[side, :, 0], ankles[side, :, 2] = (feet[k, side] + step).T
+        ankles[side, :, 1] = ANKLE_M + lift + toes + channels[f"{name}_foot_y"]
+        channels[f"{name}_foot_pitch"] = channels[f"{name}_foot_pitch"] + 200 * lift
+    return channels, smooth[:, n], smooth[:, n + 1 : n + 3], ankles, smooth[:, n + 3 :].T
 
 
 def _hips_position(origin_m, heading, track, drop_m, hips, feet_m) -> np.ndarray:
@@ -225,7 +223,7 @@ def _hips_position(origin_m, heading, track, drop_m, hips, feet_m) -> np.ndarray
 
     heights = [STANDING_HIPS_M - drop_m]
     for side in (0, 1):
-        hip = rotate(hips, np.broadcast_to(_HIP_JOINTS_M[side], root.shape))
+        hip = rotate(hips, _HIP_JOINTS_M[side])
         distance2 = np.square(root[:, [0, 2]] + hip[:, [0, 2]] - feet_m[side][:, [0, 2]]).sum(axis=1)
         reach = np.sqrt(np.maximum((_REACH * LEG_M) ** 2 - distance2, 0.01))
         # A raised foot constrains the hips less: the inverse kinematics clips its position to the leg's reach.
@@ -243,21 +241,21 @@ def _leg(side, hips, root_m, ankle_m, yaw, track) -> np.ndarray:
     to_hips = conjugate(hips)
 
     # In the frame of the hips, mirrored for the right leg, so that the following computes a left leg.
-    hip = root_m + rotate(hips, np.broadcast_to(_HIP_JOINTS_M[side], root_m.shape))
+    hip = root_m + rotate(hips, _HIP_JOINTS_M[side])
     to_ankle = rotate(to_hips, ankle_m - hip) * mirror
     distance = np.linalg.norm(to_ankle, axis=1, keepdims=True)
     along = to_ankle / distance
     distance = np.clip(distance, abs(THIGH_M - SHIN_M) + 0.12, _REACH * LEG_M)
 
     # The knee lies in front of the line from hip to ankle, rotated outwards with the foot.
-    front = rotate(hips, np.broadcast_to([0.0, 0.0, 1.0], root_m.shape))
+    front = rotate(hips, np.array([0.0, 0.0, 1.0]))
     hips_yaw = np.arctan2(front[:, 0], front[:, 2])
     upright = np.clip(2 * np.hypot(front[:, 0], front[:, 2]) - 0.8, 0.0, 1.0)
     outwards = sign * np.arctan2(np.sin(yaw - hips_yaw), np.cos(yaw - hips_yaw)) * upright
     outwards = np.clip(0.8 * outwards, -0.5, 0.8) + np.deg2rad(track[f"{name}_knee_out"])
     swing = np.stack([1.0 - along[:, 1], -along[:, 2], np.zeros(len(along)), along[:, 0]], axis=1)
     swing = swing / np.linalg.norm(swing, axis=1, keepdims=True)  # the smallest rotation from straight down to `along`
-    forward = rotate(multiply(swing, about(1, outwards)), np.broadcast_to([0.0, 0.0, 1.0], along.shape))
+    forward = rotate(multiply(swing, about(1, outwards)), np.array([0.0, 0.0, 1.0]))
 
     near = (THIGH_M**2 - SHIN_M**2 + distance**2) / (2 * distance)
     thigh = (near * along + np.sqrt(np.maximum(THIGH_M**2 - near**2, 0.0)) * forward) / THIGH_M
@@ -271,7 +269,7 @@ def _leg(side, hips, root_m, ankle_m, yaw, track) -> np.ndarray:
 
     # The orientation of the sole, given by the foot's yaw and pitch, in the frame of the shin.
     pitch = np.deg2rad(track[f"{name}_foot_pitch"])
-    sole_up = rotate(multiply(about(1, yaw), about(0, pitch)), np.broadcast_to([0.0, 1.0, 0.0], along.shape))
+    sole_up = rotate(multiply(about(1, yaw), about(0, pitch)), np.array([0.0, 1.0, 0.0]))
     shin = multiply(multiply(unrotated, about(1, rotation)), about(0, knee))
     sole_up = rotate(conjugate(shin), rotate(to_hips, sole_up) * mirror)
     invert = np.arcsin(np.clip(sole_up[:, 0], -1, 1))

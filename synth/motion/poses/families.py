@@ -27,21 +27,19 @@ from synth.motion.limbs import (
     hanging_arm,
     limb,
     mirrored,
-    neutral_trunk,
     stance,
     trunk,
     uniform,
+    upright,
 )
 from synth.motion.poses.floor_families import all_fours, handstand, kneel, lie, seat, sit
-from synth.motion.posture import CHANNELS, LEG_ANGLES, LIMITS_DEG, angles, limited, rotations
-from synth.motion.skeleton import LEG_M, Poses, height_above_floor
+from synth.motion.posture import CHANNELS, LEG_ANGLES, LIMITS_DEG, angles, rotations
+from synth.motion.skeleton import LEG_M, Poses, on_floor_m
 
 
 def standing(generator: np.random.Generator) -> Angles:
     """Standing with zero, one or two limbs away from neutral, as in most recordings of exercises."""
-    pose = stance(generator) | neutral_trunk(generator)
-    for side in SIDES:
-        pose |= hanging_arm(generator, side)
+    pose = upright(generator)
     draw = generator.random()
     if draw < 0.5:
         return pose
@@ -253,8 +251,6 @@ class ProceduralPoses:
         for row, family, generator in zip(postures, chosen, generators, strict=True):
             row[:] = angles(**self._families[family](generator))
             row += _JITTER_DEG * generator.standard_normal(len(row))
-        quats = rotations(limited(postures))
-        root_m = np.zeros((len(quats), 3), np.float32)
-        root_m[:, 1] = -height_above_floor(quats, root_m)
+        quats = rotations(postures)
         names = [f"pose:{self._names[family]}" for family in chosen]
-        return Poses(quats, root_m, np.full(len(quats), LEG_M, np.float32), names)
+        return Poses(quats, on_floor_m(quats), np.full(len(quats), LEG_M, np.float32), names)
