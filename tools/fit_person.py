@@ -38,7 +38,7 @@ from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import Joint
-from kpopnet.weights import FINDER_SHA256
+from kpopnet.weights import SHA256
 from synth.resumable import make_missing
 from synth.rooms.crops import PersonCropsConfig, PersonCropsSet
 from tools.fit_finder import NEAR_M, THRESHOLDS, logistic
@@ -103,7 +103,7 @@ class Looks:
         """Raises InputError where the folder holds files of another network, finder or seed."""
         folder, weights = self.path(0).parent, hashlib.sha256((self.checkpoint / WEIGHTS).read_bytes()).hexdigest()
         folder.mkdir(parents=True, exist_ok=True)
-        claim_folder(folder, "looks_*.npz", FINDER_SHA256 | {"weights": weights, "seed": self.seed, "split": self.split})
+        claim_folder(folder, "looks_*.npz", SHA256["finder"] | {"weights": weights, "seed": self.seed, "split": self.split})
 
     def made(self, files: int) -> list[Found]:
         """Of each file those who are a person or none; makes what is missing."""

@@ -39,7 +39,7 @@ from kpopnet.networks.over_time import Measured, OverTime, read
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
-from kpopnet.weights import shipped_over_time
+from kpopnet.weights import shipped
 
 MEASURED = ("tracker", "network", "fitted_network", "realtime", "best")
 CONFIG = replace(OURS, noise="none")
@@ -81,7 +81,7 @@ class Scored(NamedTuple):
 
 def of_films(folder: Path, estimator: str) -> list[Seen]:
     """The learners of a folder that tools/graded_learners.py made; `best` without the image in the mirror, which it lacks."""
-    causal, future = (OverTime.load(shipped_over_time(sees_future)) for sees_future in (False, True))
+    causal, future = map(OverTime.load, shipped("over_time"))
     estimates: dict[str, Callable[[Measured, np.ndarray], tuple[np.ndarray, np.ndarray]]] = {
         "network": lambda measured, _: (measured.detected_m, measured.detected),
         "fitted_network": lambda measured, _: (measured.fitted_m, measured.fitted),

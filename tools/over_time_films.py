@@ -149,7 +149,7 @@ def _hidden(person_m: np.ndarray, camera, joints_m: np.ndarray) -> np.ndarray:
 def _digest(checkpoint: Path | None) -> str:
     """SHA-256 of a network's weights."""
     if checkpoint is None:
-        return SHA256[WEIGHTS]
+        return SHA256["joints"][WEIGHTS]
     return hashlib.sha256((checkpoint / WEIGHTS if checkpoint.is_dir() else checkpoint).read_bytes()).hexdigest()
 
 

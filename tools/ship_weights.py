@@ -42,9 +42,7 @@ from kpopnet.networks.over_time import OverTime
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 
-FINDER, FINDER_GRAPH = "finder.safetensors", "finder_graph.onnx"
-LIFTING = "lifting.safetensors"
-OVER_TIME = "over_time_causal.safetensors", "over_time_future.safetensors"
+FINDER, FINDER_GRAPH = kpopnet.weights.SHA256["finder"]
 
 
 def ship(checkpoint: Path, folder: Path) -> None:
@@ -68,7 +66,7 @@ def ship(checkpoint: Path, folder: Path) -> None:
         whole = Path(place) / GRAPH
         export_network(*load_network(place), whole)  # with the biases of filters in float16
         files[GRAPH] = without_filters(whole.read_bytes(), Path(place) / WEIGHTS)
-    _write(folder, "SHA256", files)
+    _write(folder, "joints", files)
 
 
 def without_filters(content: bytes, weights: Path) -> bytes:
@@ -92,7 +90,7 @@ def ship_finder(weights: Path, folder: Path) -> None:
         stored = Path(place) / FINDER
         stored.write_bytes(files[FINDER])
         files[FINDER_GRAPH] = without_filters(export_finder(load_finder(stored)), stored)
-    _write(folder, "FINDER_SHA256", files)
+    _write(folder, "finder", files)
 
 
 def ship_over_time(causal: Path, future: Path, folder: Path) -> None:
@@ -100,13 +98,14 @@ def ship_over_time(causal: Path, future: Path, folder: Path) -> None:
     for path, expected in ((causal, False), (future, True)):
         if OverTime.load(path).future is not expected:
             raise InputError(f"{path}: expected a network that {'looks at' if expected else 'does not know'} later frames")
-    _write(folder, "OVER_TIME_SHA256", dict(zip(OVER_TIME, (causal.read_bytes(), future.read_bytes()), strict=True)))
+    names = kpopnet.weights.SHA256["over_time"]
+    _write(folder, "over_time", dict(zip(names, (causal.read_bytes(), future.read_bytes()), strict=True)))
 
 
 def ship_lifting(weights: Path, folder: Path) -> None:
     """Writes a network that lifts joints, as tools/fit_lifting.py made it; raises InputError for another file."""
     Lifting.load(weights)
-    _write(folder, "LIFTING_SHA256", {LIFTING: weights.read_bytes()})
+    _write(folder, "lifting", {"lifting.safetensors": weights.read_bytes()})
 
 
 def _halved(network: torch.nn.Module, source: Path) -> bytes:
@@ -118,15 +117,15 @@ def _halved(network: torch.nn.Module, source: Path) -> bytes:
     return safetensors.torch.save(weights)
 
 
-def _write(folder: Path, constant: str, files: dict[str, bytes]) -> None:
-    """Writes files, and their digests into the constant of the folder's module."""
+def _write(folder: Path, network: str, files: dict[str, bytes]) -> None:
+    """Writes the files of a network, and their digests into the folder's module."""
     for name, content in files.items():
         with atomic_path(folder / name) as part:
             part.write_bytes(content)
     module = folder / "__init__.py"
-    rows = "".join(f'    "{name}": "{hashlib.sha256(content).hexdigest()}",\n' for name, content in files.items())
-    pattern = re.compile(rf"^{constant}: dict\[str, str\] = \{{.*?\}}$", re.DOTALL | re.MULTILINE)
-    text, found = pattern.subn(f"{constant}: dict[str, str] = {{\n{rows}}}", module.read_text())
+    rows = "".join(f'        "{name}": "{hashlib.sha256(content).hexdigest()}",\n' for name, content in files.items())
+    pattern = re.compile(rf'(^    "{network}": {{\n).*?(^    }},$)', re.DOTALL | re.MULTILINE)
+    text, found = pattern.subn(rf"\1{rows}\2", module.read_text())
     assert found == 1, module
     with atomic_path(module) as part:
         part.write_text(text)

@@ -4,20 +4,19 @@ is.
 It sees metric depth and the rays of a pinhole camera, no statistics of a data set, and one image without history.
 """
 
-import warnings
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
 from torch import Tensor, nn
 from torch.nn import functional
 
 from kpopnet.data.canvas import CANVAS, STRIDE
-from kpopnet.finder.people import INPUTS, OUTPUT_NAMES, PROBLEM, Network
+from kpopnet.finder.people import INPUTS, OUTPUT_NAMES, Network
+from kpopnet.networks.checkpoint import load_weights, on_one_thread
 from kpopnet.networks.network import Encoder, convolution
-from kpopnet.runtime.input_files import read_with
+from kpopnet.networks.onnx_export import traced
 
 INPUT_CHANNELS = 5
 OUTPUTS = 4
@@ -110,9 +109,7 @@ class Target(NamedTuple):
 def load_network(path: Path | str) -> FinderNetwork:
     """Loads a trained finder; raises InputError if the file is missing, damaged, or of another architecture."""
     network = FinderNetwork().to(memory_format=torch.channels_last).eval().requires_grad_(False)
-    weights = read_with(load_file, Path(path), PROBLEM)
-    as_floats = {name: value.float() if value.dtype == torch.float16 else value for name, value in weights.items()}
-    read_with(lambda _: network.load_state_dict(as_floats), Path(path), PROBLEM)
+    load_weights(network, Path(path), "missing, damaged, or not a finder of this version")
     return network
 
 
@@ -136,12 +133,8 @@ def torch_finder(path: Path | str) -> Network:
 
     @torch.inference_mode()
     def run(depth_m: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, ...]:
-        threads = torch.get_num_threads()
-        torch.set_num_threads(1)
-        try:
+        with on_one_thread():
             found = finder(torch.from_numpy(depth_m), torch.from_numpy(intrinsics))
-        finally:
-            torch.set_num_threads(threads)
         return tuple(one.contiguous().numpy() for one in found)
 
     return run
@@ -149,17 +142,5 @@ def torch_finder(path: Path | str) -> Network:
 
 def export_finder(network: FinderNetwork) -> bytes:
     """A finder as an ONNX file."""
-    width, height = CANVAS
-    example = torch.rand(1, height, width) + 1, torch.tensor([[100.0, 100.0, 80.0, 60.0]])
-    with warnings.catch_warnings(action="ignore"):  # torch's exporter warns of its own code
-        program = torch.onnx.export(
-            CellsOfImage(network).eval(), example, dynamo=True, verbose=False, input_names=list(INPUTS),
-            output_names=list(OUTPUT_NAMES),
-        )  # fmt: skip
-    content = program.model_proto
-    graph = content.graph
-    for part in (graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
-        part.ClearField("metadata_props")  # names of source files and lines, which torch writes
-        part.ClearField("doc_string")
-    graph.name = content.producer_name = "kpopnet finder"
-    return content.SerializeToString()
+    example = torch.rand(1, *CANVAS[::-1]) + 1, torch.tensor([[100.0, 100.0, 80.0, 60.0]])
+    return traced("kpopnet finder", CellsOfImage(network), example, INPUTS, OUTPUT_NAMES).SerializeToString()

@@ -40,8 +40,6 @@ INPUTS, OUTPUT_NAMES = ("depth_m", "intrinsics"), ("probability", "torso_m")
 Network = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
 """From (1, 128, 160) depth in metres and (1, 4) intrinsics to OUTPUT_NAMES, as `Cells` has them."""
 
-PROBLEM = "missing, damaged, or not a finder of this version"
-
 
 class People(NamedTuple):
     """The P people of one image."""

@@ -15,7 +15,7 @@ from kpopnet.networks import WEIGHTS, ModelConfig, check_description, read_meta
 from kpopnet.runtime.input_files import expect, parse_json, read_with
 from kpopnet.runtime.provenance import optional_library
 from kpopnet.skeleton import NUM_JOINTS
-from kpopnet.weights import shipped_network
+from kpopnet.weights import shipped
 
 ONNX_SUFFIX = ".onnx"
 """Of the files of `kpopnet export`; another path is a checkpoint's folder."""
@@ -50,10 +50,9 @@ def open_network(checkpoint: Path | str | None, device: str = "cpu") -> Backend:
 
     Raises InputError: no network there, a damaged one, or no such device.
     """
+    place = _place(checkpoint)
     if checkpoint is None and device == "cpu":
-        folder = shipped_network()
-        return OnnxBackend(folder / GRAPH, filters(folder / WEIGHTS))
-    place = Path(shipped_network() if checkpoint is None else checkpoint)
+        return OnnxBackend(place / GRAPH, filters(place / WEIGHTS))
     if place.suffix == ONNX_SUFFIX:
         if device != "cpu":
             raise InputError(f"device={device}: ONNX files run on the cpu")
@@ -65,8 +64,12 @@ def open_network(checkpoint: Path | str | None, device: str = "cpu") -> Backend:
 
 def read_description(checkpoint: Path | str | None) -> dict:
     """The description of a network; arguments and errors as in `open_network`."""
-    place = Path(shipped_network() if checkpoint is None else checkpoint)
+    place = _place(checkpoint)
     return OnnxBackend(place).meta if place.suffix == ONNX_SUFFIX else read_meta(place)
+
+
+def _place(checkpoint: Path | str | None) -> Path:
+    return shipped("joints")[0].parent if checkpoint is None else Path(checkpoint)
 
 
 def filters(weights: Path) -> dict[str, np.ndarray]:

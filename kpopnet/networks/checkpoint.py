@@ -19,6 +19,8 @@ import io
 import json
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -152,20 +154,20 @@ def load_network(folder: Path | str, device: str | torch.device = "cpu") -> tupl
     """Loads a checkpoint's network for inference, and its meta.json; raises InputError as `read_meta` and `load_weights`."""
     meta = read_meta(folder)
     network = build_network(ModelConfig(**meta["model"]))
-    load_weights(network, folder)
+    load_weights(network, Path(folder) / WEIGHTS)
     if (Path(folder) / PERSON).is_file():
         network.person = PersonHead(network.config.widths[-1])
-        load_weights(network.person, folder, PERSON)
+        load_weights(network.person, Path(folder) / PERSON)
     return network.to(device).eval(), meta
 
 
-def load_weights(network: torch.nn.Module, folder: Path | str, name: str = WEIGHTS) -> None:
-    """Loads a checkpoint's averaged weights into a network; float16, half the size on disk, becomes float32.
+def load_weights(
+    network: torch.nn.Module, path: Path, problem: str = f"missing, damaged, or not the weights that {META} describes"
+) -> None:
+    """Loads a file of weights into a network; float16, half the size on disk, becomes float32.
 
     Raises InputError if they are missing, damaged, or of another architecture.
     """
-    path = Path(folder) / name
-    problem = f"missing, damaged, or not the weights that {META} describes"
     weights = read_with(load_file, path, problem)
     expected = network.state_dict()
     for name in weights.keys() & expected.keys():
@@ -188,6 +190,17 @@ def load_state(folder: Path | str) -> dict[str, int | float | Tensor | dict]:
     return check_fields(str(path), state, STATE_SCHEMA, optional=STATE_SCHEMA)
 
 
+@contextmanager
+def on_one_thread() -> Iterator[None]:
+    """Lets torch compute on one thread within."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+
+
 class TorchBackend:
     """A checkpoint, run by torch; a `kpopnet.networks.backend.Backend`."""
 
@@ -201,16 +214,10 @@ class TorchBackend:
     @torch.inference_mode()
     def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """See `Backend`."""
-        batch = torch.from_numpy(crops).to(self.device)
-        threads = torch.get_num_threads()
-        if len(crops) == 1:
-            # For one crop torch uses many small matrix products instead of oneDNN, and each waits for the other threads:
-            # one thread takes a third of the time of two.
-            torch.set_num_threads(1)
-        try:
-            prediction = self.network(batch)
-        finally:
-            torch.set_num_threads(threads)
+        # For one crop torch uses many small matrix products instead of oneDNN, and each waits for the other threads: one thread
+        # takes a third of the time of two.
+        with on_one_thread() if len(crops) == 1 else nullcontext():
+            prediction = self.network(torch.from_numpy(crops).to(self.device))
         person = prediction.person_logit
         joints, confidence = prediction.joints.cpu().numpy(), prediction.confidence.cpu().numpy()
         return joints, confidence, None if person is None else person.cpu().numpy()

@@ -3,6 +3,7 @@
 import json
 import logging
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,12 +63,11 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
     # Before it is traced: what the network caches must not be a part of the trace.
     with torch.inference_mode():
         expected = _comparable([value.numpy() for value in JointsAndConfidence(network)(torch.from_numpy(crops))])
-    content = _traced(network, torch.from_numpy(crops[:2]))
-    graph = content.graph
-    for part in (graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
-        part.ClearField("metadata_props")  # names of source files and lines, which torch writes
-        part.ClearField("doc_string")
-    graph.name = content.producer_name = "kpopnet"
+    outputs = [*OUTPUTS, *([] if network.person is None else [PERSON_LOGIT])]
+    content = traced(
+        "kpopnet", JointsAndConfidence(network), [torch.from_numpy(crops[:2])], [INPUT], outputs, opset_version=OPSET,
+        dynamic_shapes=({0: torch.export.Dim("batch")},),
+    )  # fmt: skip
     content.producer_version, content.doc_string = kpopnet.__version__, ABOUT
     onnx.helper.set_model_props(content, {KEY: json.dumps(portable(meta) | {"format": ONNX_FORMAT})})
     onnx.checker.check_model(content, full_check=True)
@@ -83,17 +83,18 @@ def _comparable(outputs: list[np.ndarray]) -> list[np.ndarray]:
     return [joints, confidence, *(1 / (1 + np.exp(-logit)) for logit in person_logits)]
 
 
-def _traced(network: PoseNetwork, crops: Tensor) -> Any:
-    """The network as onnx.ModelProto, for any number of crops."""
+def traced(
+    name: str, network: nn.Module, example: Sequence[Tensor], inputs: Sequence[str], outputs: Sequence[str], **options: Any
+) -> Any:
+    """A network as onnx.ModelProto, from an example of its inputs; `options` are those of torch.onnx.export."""
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it warns of torchvision, which is not needed
     with warnings.catch_warnings(action="ignore"):  # torch's exporter warns of its own code
-        return torch.onnx.export(
-            JointsAndConfidence(network).eval(),
-            (crops,),
-            dynamo=True,
-            verbose=False,
-            opset_version=OPSET,
-            input_names=[INPUT],
-            output_names=[*OUTPUTS, *([] if network.person is None else [PERSON_LOGIT])],
-            dynamic_shapes=({0: torch.export.Dim("batch")},),
+        content = torch.onnx.export(
+            network.eval(), tuple(example), dynamo=True, verbose=False, input_names=inputs, output_names=outputs, **options
         ).model_proto
+    graph = content.graph
+    for part in (graph, *graph.node, *graph.initializer, *graph.value_info, *graph.input, *graph.output):
+        part.ClearField("metadata_props")  # names of source files and lines, which torch writes
+        part.ClearField("doc_string")
+    graph.name = content.producer_name = name
+    return content

@@ -22,7 +22,7 @@ from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
 from kpopnet.tracker.refine import refine_frame
 from kpopnet.tracker.tracker import Tracker
-from kpopnet.weights import shipped_over_time
+from kpopnet.weights import shipped
 
 
 class Mode(NamedTuple):
@@ -50,7 +50,7 @@ class Pose(NamedTuple):
 
 @cache
 def _over_time(sees_future: bool) -> OverTime:
-    return OverTime.load(shipped_over_time(sees_future))
+    return OverTime.load(shipped("over_time")[sees_future])
 
 
 def detected(network: Estimator, mode: Mode, depth_m: np.ndarray, camera: Camera) -> Look:

@@ -15,7 +15,7 @@ from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.onnx_export import export_network
 from kpopnet.programs.arguments import program_parser
 from kpopnet.runtime.endings import user_errors
-from kpopnet.weights import shipped_network
+from kpopnet.weights import shipped
 
 
 @user_errors
@@ -24,6 +24,6 @@ def main() -> None:
     parser.add_argument("file", type=Path, help="the ONNX file to write; an older one is replaced")
     parser.add_argument("--checkpoint", type=Path, help="folder of a trained network; the one of the package by default")
     given = parser.parse_args()
-    network, meta = load_network(given.checkpoint or shipped_network())
+    network, meta = load_network(given.checkpoint or shipped("joints")[0].parent)
     difference = export_network(network, meta, given.file)
     print(f"{given.file}: {given.file.stat().st_size:,} bytes; differs from torch by {difference:.1e} at most, in cube units")

@@ -32,7 +32,7 @@ from kpopnet.data.batches import (
 )
 from kpopnet.data.observation import ObservationSource
 from kpopnet.errors import InputError, check_between, check_one_of
-from kpopnet.networks import ModelConfig
+from kpopnet.networks import WEIGHTS, ModelConfig
 from kpopnet.networks.checkpoint import (
     complete_links,
     load_network,
@@ -229,7 +229,7 @@ class Run(Descent):
 
     def load(self, folder: Path) -> None:
         """Loads the state of a checkpoint; raises InputError if it is damaged, of another model, or of a finished run."""
-        load_weights(self.average, folder)
+        load_weights(self.average, folder / WEIGHTS)
         state = load_state(folder)
         with parsing(folder, "its training state does not fit this model or version"):
             self.load_state(state)

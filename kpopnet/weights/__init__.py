@@ -19,64 +19,31 @@ from kpopnet.errors import InputError
 
 FOLDER = Path(__file__).parent
 
-SHA256: dict[str, str] = {
-    "model.safetensors": "ee381b09e16c37197023ffa8f4d97c9786d88d51df83f161bb2c935e69fda04e",
-    "meta.json": "b1e8d80966729fcedfbeb9f239c0021b0be0e2226e8811b4c24060c78641a1be",
-    "person.safetensors": "9dd275051974a9a2e3b690b2afff2c03c13a76c7a59a2e36432f9b2c45d23599",
-    "graph.onnx": "7a288f1d4139e5629b1d9959b289f2becc779adbcf9699b41641f5f3f5f2439e",
+SHA256: dict[str, dict[str, str]] = {
+    "joints": {
+        "model.safetensors": "ee381b09e16c37197023ffa8f4d97c9786d88d51df83f161bb2c935e69fda04e",
+        "meta.json": "b1e8d80966729fcedfbeb9f239c0021b0be0e2226e8811b4c24060c78641a1be",
+        "person.safetensors": "9dd275051974a9a2e3b690b2afff2c03c13a76c7a59a2e36432f9b2c45d23599",
+        "graph.onnx": "7a288f1d4139e5629b1d9959b289f2becc779adbcf9699b41641f5f3f5f2439e",
+    },
+    "finder": {
+        "finder.safetensors": "55314707dd7e2e31d185173ca28dcf94dc1a4ec2332f9e9c460e161d9afc55eb",
+        "finder_graph.onnx": "2d515b83ded9540fdfd1ee8624e61f191fa61afc07a7961ff9a4a9904d0a0ba9",
+    },
+    "over_time": {
+        "over_time_causal.safetensors": "d574441d1a9e01dcc69b824c90c7d2911c3d14adc39f5a0d4be2cff62aad25f5",
+        "over_time_future.safetensors": "ec1eaecb7341b35524034d4ea02bf0cee35dbef29b3e6bc310d02b51493ab554",
+    },
+    "lifting": {
+        "lifting.safetensors": "ef34f4f56a118bfb550c02e7ce9db32579dddccc146057467271622950ad81bc",
+    },
 }
-"""Of each file that is loaded, as tools/ship_weights.py wrote it."""
-
-FINDER_SHA256: dict[str, str] = {
-    "finder.safetensors": "55314707dd7e2e31d185173ca28dcf94dc1a4ec2332f9e9c460e161d9afc55eb",
-    "finder_graph.onnx": "2d515b83ded9540fdfd1ee8624e61f191fa61afc07a7961ff9a4a9904d0a0ba9",
-}
-"""Of the finder of people (kpopnet.finder), as tools/ship_weights.py wrote it."""
-
-OVER_TIME_SHA256: dict[str, str] = {
-    "over_time_causal.safetensors": "d574441d1a9e01dcc69b824c90c7d2911c3d14adc39f5a0d4be2cff62aad25f5",
-    "over_time_future.safetensors": "ec1eaecb7341b35524034d4ea02bf0cee35dbef29b3e6bc310d02b51493ab554",
-}
-"""Of the networks over time (kpopnet.networks.over_time), as tools/ship_weights.py wrote them: the causal one first."""
+"""Of each file that is loaded, by network, as tools/ship_weights.py wrote it."""
 
 
-LIFTING_SHA256: dict[str, str] = {
-    "lifting.safetensors": "ef34f4f56a118bfb550c02e7ce9db32579dddccc146057467271622950ad81bc",
-}
-"""Of the network that lifts a webcam's joints (kpopnet.networks.lifting), as tools/ship_weights.py wrote it."""
-
-
-def shipped_network() -> Path:
-    """The folder of the network that comes with the package; raises InputError for files of another version."""
-    _check(SHA256)
-    return FOLDER
-
-
-def shipped_finder() -> tuple[Path, Path]:
-    """The weights of the finder that comes with the package, and its ONNX file without filters; raises InputError for files of
-    another version.
-    """
-    _check(FINDER_SHA256)
-    weights, graph = FINDER_SHA256
-    return FOLDER / weights, FOLDER / graph
-
-
-def shipped_over_time(future: bool) -> Path:
-    """The file of a network over time that comes with the package: the causal one, or the one that looks at later frames;
-    raises InputError for files of another version.
-    """
-    _check(OVER_TIME_SHA256)
-    return FOLDER / list(OVER_TIME_SHA256)[future]
-
-
-def shipped_lifting() -> Path:
-    """The file of the network that lifts a webcam's joints; raises InputError for a file of another version."""
-    _check(LIFTING_SHA256)
-    return FOLDER / next(iter(LIFTING_SHA256))
-
-
-def _check(digests: dict[str, str]) -> None:
-    for name, expected in digests.items():
+def shipped(network: str) -> list[Path]:
+    """The files of a network in `SHA256`, in their order there; raises InputError for files of another version."""
+    for name, expected in SHA256[network].items():
         file = FOLDER / name
         try:
             found = hashlib.sha256(file.read_bytes()).hexdigest()
@@ -84,3 +51,4 @@ def _check(digests: dict[str, str]) -> None:
             raise InputError(f"{file}: cannot be read ({error.strerror}); install kpopnet again") from error
         if found != expected:
             raise InputError(f"{file}: not the file that came with this version of kpopnet; install kpopnet again")
+    return [FOLDER / name for name in SHA256[network]]

@@ -19,7 +19,7 @@ from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import TRUE, scene_tile, sheet
-from kpopnet.weights import FINDER_SHA256
+from kpopnet.weights import SHA256
 from synth.rooms.images import MeasuredScene, RoomImagesConfig, SceneShards
 from synth.rooms.scene import ClearScene
 
@@ -57,7 +57,7 @@ class PersonCropsSet(SceneShards):
     most_px = IMAGE_PX
 
     benchmark: PersonCropsConfig = field(default_factory=PersonCropsConfig)
-    finder: Any = field(default_factory=lambda: FINDER_SHA256 | asdict(FINDER))
+    finder: Any = field(default_factory=lambda: SHA256["finder"] | asdict(FINDER))
 
     def manifest_entries(self) -> dict:
         about = "SIMULATED people, cut out of depth images of rooms by the finder."

@@ -27,7 +27,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.networks.lifting import HIPS, Lifting, Sighting, sighting
 from kpopnet.skeleton import NUM_JOINTS
-from kpopnet.weights import shipped_lifting
+from kpopnet.weights import shipped
 
 WEBCAM = "webcam"
 """Name of the noise of these joints."""
@@ -94,7 +94,7 @@ class PictureJoints:
     """The joints of one person in picture after picture."""
 
     def __init__(self) -> None:
-        self._lifting = Lifting.load(shipped_lifting())
+        self._lifting = Lifting.load(shipped("lifting")[0])
         self.reset()
 
     def reset(self) -> None:

@@ -11,7 +11,7 @@ from capsule_people import CAMERA, draw_depth, draw_joints
 import kpopnet.networks.checkpoint as checkpoint_module
 from kpopnet.data.cube import Cube, crop, person_centre
 from kpopnet.errors import InputError
-from kpopnet.networks import ModelConfig
+from kpopnet.networks import WEIGHTS, ModelConfig
 from kpopnet.networks.checkpoint import (
     complete_links,
     load_network,
@@ -37,7 +37,7 @@ def save(run, step=5, best=True, network=NETWORK):
 
 def whole(folder):
     """The step of a checkpoint all files of which are whole."""
-    load_weights(OTHER, folder)
+    load_weights(OTHER, folder / WEIGHTS)
     assert load_state(folder)["step"] == read_meta(folder)["step"]
     return read_meta(folder)["step"]
 

@@ -14,7 +14,7 @@ from kpopnet.errors import InputError
 from kpopnet.networks.lifting import HIPS, READ, Lifting, Sighting, frame_along, sighting
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.teacher.live.webcam import read_seen
-from kpopnet.weights import shipped_lifting
+from kpopnet.weights import shipped
 
 POINTS = Path(__file__).parents[2] / "assets" / "webcam_points.npz"
 
@@ -56,7 +56,7 @@ def test_a_person_off_the_axis_is_seen_as_one_on_it_is():
 
 
 def test_the_network_of_the_package_finds_joints_that_mediapipe_misplaces_and_knows_which():
-    network, errors_m, chances = Lifting.load(shipped_lifting()), [], []
+    network, errors_m, chances = Lifting.load(shipped("lifting")[0]), [], []
     for picture, expected_m in found_in_pictures():
         joints_m, chance = network(picture)
         points_m = picture.points_m - picture.points_m[Joint.TORSO]
@@ -70,7 +70,7 @@ def test_the_network_of_the_package_finds_joints_that_mediapipe_misplaces_and_kn
 
 def test_a_person_in_the_mirror_has_nearly_the_joints_in_the_mirror_also_in_a_dark_picture():
     """Films show all points well: a network whose numbers such a picture leaves far behind puts hands half a metre off."""
-    network, apart_m = Lifting.load(shipped_lifting()), []
+    network, apart_m = Lifting.load(shipped("lifting")[0]), []
     for picture, _ in found_in_pictures():
         dark = picture._replace(visibility=0.8 * picture.visibility)
         mirrored = dark._replace(points_m=dark.points_m[MIRROR] * (-1, 1, 1), visibility=dark.visibility[MIRROR])
@@ -80,7 +80,7 @@ def test_a_person_in_the_mirror_has_nearly_the_joints_in_the_mirror_also_in_a_da
 
 
 def test_many_pictures_at_once_are_each_as_alone():
-    network, one = Lifting.load(shipped_lifting()), [seen(joints_m) for joints_m in dance_joints_m(0)[:5]]
+    network, one = Lifting.load(shipped("lifting")[0]), [seen(joints_m) for joints_m in dance_joints_m(0)[:5]]
     together = network(Sighting(*map(np.array, zip(*one, strict=True))))
     for number, picture in enumerate(one):
         for both, alone in zip(together, network(picture), strict=True):
