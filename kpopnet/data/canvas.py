@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from kpopnet.camera import Camera
 
@@ -25,23 +24,11 @@ class Reduced(NamedTuple):
 def reduced(depth_m: np.ndarray, camera: Camera) -> Reduced:
     """Takes the pixels of a (H, W) image, float32 metres, that are nearest to those of the canvas."""
     reduction = max(camera.width / CANVAS[0], camera.height / CANVAS[1])
-    out = np.zeros((CANVAS[1], CANVAS[0]), np.float32)
-    _take(depth_m, reduction, out)
+    rows, columns = (((np.arange(size) + 0.5) * reduction).astype(int) for size in CANVAS[::-1])
+    rows, columns = rows[rows < camera.height], columns[columns < camera.width]
+    out = np.zeros(CANVAS[::-1], np.float32)
+    out[: len(rows), : len(columns)] = depth_m[np.ix_(rows, columns)]
     intrinsics = camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5
     return Reduced(
         out, np.array(intrinsics, np.float32) / np.float32(reduction) - np.array((0, 0, 0.5, 0.5), np.float32), reduction
     )
-
-
-@njit(cache=True)
-def _take(depth_m, reduction, out):
-    height, width = depth_m.shape
-    for y in range(out.shape[0]):
-        row = int((y + 0.5) * reduction)
-        if row >= height:
-            break
-        for x in range(out.shape[1]):
-            column = int((x + 0.5) * reduction)
-            if column >= width:
-                break
-            out[y, x] = depth_m[row, column]

@@ -19,7 +19,7 @@ from kpopnet.finder.people import (
     certainty_together,
     gather_people,
     pixel_owners,
-)
+)  # fmt: skip
 from kpopnet.human import Human, Looker
 from kpopnet.networks.backend import filters, onnx_session
 from kpopnet.weights import shipped
@@ -97,16 +97,14 @@ class PersonFinder:
 
     def _looked_at(self, human: Human, probability: float) -> Human:
         look = None if self.looker is None else self.looker(human)
-        if look is not None and look.person_logit is not None:
+        if look and look.person_logit is not None:
             probability = certainty_together(probability, look.person_logit)
         return replace(human, certainty=probability, look=look)
 
     def _is_certain(self, human: Human) -> bool:
-        least = self.config.least_certainty
-        if least is None:
-            is_judged = human.look is not None and human.look.person_logit is not None
-            least = LEAST_TOGETHER if is_judged else LEAST_ALONE
-        return human.certainty >= least
+        is_judged = human.look and human.look.person_logit is not None
+        least, given = LEAST_TOGETHER if is_judged else LEAST_ALONE, self.config.least_certainty
+        return human.certainty >= (least if given is None else given)
 
 
 def cells_of(network: Network, canvas: Reduced) -> Cells:

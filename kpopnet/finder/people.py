@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numba import njit
 
@@ -94,9 +95,13 @@ def _agreed(points, weights, least):
 @njit(cache=True)
 def _nearest_centres(points, centres):
     """(N,) the number of the centre nearest to each point, -1 if none is within REACH_M."""
-    nearest = np.empty(len(points), np.int64)
+    nearest = np.full(len(points), -1)
     for k in range(len(points)):
-        nearest[k] = _nearest(points[k], centres)
+        least = REACH_M**2
+        for person in range(len(centres)):
+            distance = _squared(points[k], centres[person])
+            if distance < least:
+                nearest[k], least = person, distance
     return nearest
 
 
@@ -112,17 +117,6 @@ def _are_whole(centres, weight, order):
                 kept[person] = False
                 break
     return kept
-
-
-@njit(cache=True)
-def _nearest(point, centres):
-    """The number of the centre nearest to a point, -1 if none is within REACH_M."""
-    best, nearest = -1, REACH_M**2
-    for person in range(len(centres)):
-        distance = _squared(point, centres[person])
-        if distance < nearest:
-            best, nearest = person, distance
-    return best
 
 
 @njit(cache=True)
@@ -193,18 +187,6 @@ BESIDE_M, BESIDE_PER_M = 0.08, 0.02
 
 
 @njit(cache=True)
-def _near_people(owner):
-    """(h, w) bool: cells of people, and those beside them."""
-    h, w = owner.shape
-    near = np.zeros((h, w), np.bool_)
-    for y in range(h):
-        for x in range(w):
-            if owner[y, x] != NO_PERSON:
-                near[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2] = True
-    return near
-
-
-@njit(cache=True)
 def _around(owner, cell_depth_m):
     """What the 4 x 4 cells are around the pixels between each cell and the next, so that few pixels need to look at all.
 
@@ -232,16 +214,6 @@ def _around(owner, cell_depth_m):
     return only, spans
 
 
-def _rectangle(near: np.ndarray, per_cell: int, height: int, width: int) -> tuple[int, int, int, int]:
-    """First and last row and column, the last exclusive, of the pixels around the cells: most images are mostly empty."""
-    rows, columns = np.nonzero(near)
-    if len(rows) == 0:
-        return 0, 0, 0, 0
-    first_row, last_row = int((rows.min() - 1) * per_cell), int((rows.max() + 2) * per_cell) + 1
-    first_column, last_column = int((columns.min() - 1) * per_cell), int((columns.max() + 2) * per_cell) + 1
-    return max(first_row, 0), min(last_row, height), max(first_column, 0), min(last_column, width)
-
-
 def pixel_owners(
     depth_m: np.ndarray, cell_depth_m: np.ndarray, probability: np.ndarray, owner: np.ndarray, reduction: int, people: int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -252,14 +224,17 @@ def pixel_owners(
     whole image to one of the canvas, of which every STRIDE-th is a cell. (H, W) uint8 person of each pixel, and (people, 4)
     int32 x0, y0, x1, y1 of their pixels, the last two exclusive.
     """
-    near = _near_people(owner)
-    rectangle = _rectangle(near, STRIDE * reduction, *depth_m.shape)
-    return _owners_within(depth_m, cell_depth_m, probability, owner, near, reduction, people, rectangle)
+    near = cv2.dilate(np.minimum(owner, 1), np.ones((3, 3)))  # 1 at cells of people, and beside them
+    # The pixels around these cells: most images are mostly empty.
+    x, y, wide, high = cv2.boundingRect(near)
+    first, last = np.array([(y - 1, x - 1), (y + high + 1, x + wide + 1)]) * (STRIDE * reduction)
+    bounds = np.clip([first.astype(int), last.astype(int) + 1], 0, depth_m.shape)
+    return _owners_within(depth_m, cell_depth_m, probability, owner, near, reduction, people, bounds)
 
 
 @njit(cache=True)
-def _owners_within(depth_m, cell_depth_m, probability, owner, near, reduction, people, rectangle):
-    """`pixel_owners`, which all are in the rectangle."""
+def _owners_within(depth_m, cell_depth_m, probability, owner, near, reduction, people, bounds):
+    """`pixel_owners`, which all lie within the (2, 2) bounds: row and column of the first pixel, and those behind the last."""
     height, width = depth_m.shape
     h, w = owner.shape
     owners = np.zeros((height, width), np.uint8)
@@ -267,11 +242,10 @@ def _owners_within(depth_m, cell_depth_m, probability, owner, near, reduction, p
     boxes[:, 0], boxes[:, 1] = width, height
     only, spans = _around(owner, cell_depth_m)
     opinion = np.zeros(people + 1, np.float32)
-    first_row, last_row, first_column, last_column = rectangle
-    for y in range(first_row, last_row):
+    for y in range(bounds[0, 0], bounds[1, 0]):
         at_y = ((y + 0.5) / reduction - 0.5) / STRIDE
         row_0 = max(min(int(at_y + 0.5), h - 1), 0)
-        for x in range(first_column, last_column):
+        for x in range(bounds[0, 1], bounds[1, 1]):
             z = depth_m[y, x]
             at_x = ((x + 0.5) / reduction - 0.5) / STRIDE
             column_0 = max(min(int(at_x + 0.5), w - 1), 0)
