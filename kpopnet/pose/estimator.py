@@ -76,7 +76,7 @@ class PoseEstimator:
         comes with the package, on the device cpu or cuda. Raises InputError: it cannot be loaded, or a setting is wrong.
         """
         check_one_of("mode", mode, MODES)
-        network = NetworkEstimator(checkpoint, device=device) if MODES[mode].network else None
+        network = NetworkEstimator(checkpoint, device=device) if mode != "tracker" else None
         return cls(network, mode, people, extraction)
 
     def reset(self) -> None:
@@ -147,9 +147,8 @@ class PoseEstimator:
         if not seen:
             log.warning("no person was found in %d image(s): %s", len(frames), WHY_NOBODY)
         chosen = sorted(seen, key=lambda identity: (-seen[identity], identity))[: self.people]
-        sees_future = MODES[self.mode].sees_future
         return [
-            PersonPose(identity, *joined([people.get(identity) for people in frames], np.array(times_s), sees_future))
+            PersonPose(identity, *joined([people.get(identity) for people in frames], np.array(times_s), self.mode == "best"))
             for identity in chosen
         ]
 
@@ -171,8 +170,8 @@ class PoseEstimator:
 
     def _looker(self, camera: Camera) -> Looker | None:
         """Looks at whom the finder finds, by the network: what it sees is used again for their joints."""
-        mode, network = MODES[self.mode], self.network
-        if not mode.network or network is None:
+        mode, network = self.mode, self.network
+        if mode == "tracker" or network is None:
             return None
         return lambda human: detected(network, mode, human.depth_m, human.cropped(camera))
 
@@ -183,8 +182,8 @@ class PoseEstimator:
 
     def _person(self, identity: int, camera: Camera) -> DetectedPerson | TrackedPerson:
         if identity not in self._people:
-            mode = MODES[self.mode]
-            self._people[identity] = DetectedPerson(camera, self.network, mode) if mode.network else TrackedPerson(camera)
+            tracked = self.mode == "tracker"
+            self._people[identity] = TrackedPerson(camera) if tracked else DetectedPerson(camera, self.network, self.mode)
         return self._people[identity]
 
 

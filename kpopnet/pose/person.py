@@ -24,20 +24,9 @@ from kpopnet.tracker.refine import refine_frame
 from kpopnet.tracker.tracker import Tracker
 from kpopnet.weights import shipped
 
-
-class Mode(NamedTuple):
-    """What is done with each frame."""
-
-    network: bool  # a network estimates the joints; else the body tracker
-    mirrored: bool  # the network also sees the frame in a mirror, and its two answers are averaged
-    sees_future: bool  # joints of a whole recording are estimated with a look at the frames that follow
-
-
-MODES = {
-    "realtime": Mode(network=True, mirrored=False, sees_future=False),
-    "best": Mode(network=True, mirrored=True, sees_future=True),
-    "tracker": Mode(network=False, mirrored=False, sees_future=False),
-}
+MODES = ("realtime", "best", "tracker")
+"""The body tracker estimates the joints, or a network. In `best` the network also sees each frame in a mirror, its answers are
+averaged, and the joints of a whole recording are estimated with a look at the frames that follow."""
 
 
 class Pose(NamedTuple):
@@ -53,19 +42,17 @@ def _over_time(sees_future: bool) -> OverTime:
     return OverTime.load(shipped("over_time")[sees_future])
 
 
-def detected(network: Estimator, mode: Mode, depth_m: np.ndarray, camera: Camera) -> Look:
+def detected(network: Estimator, mode: str, depth_m: np.ndarray, camera: Camera) -> Look:
     """What a network sees in one (H, W) image of one person, in metres, 0 elsewhere."""
     seen, person = _seen(network, depth_m, camera)
-    if not mode.mirrored:
+    if mode != "best":
         return Look(seen.joints_camera_m[0], seen.confidence[0], person)
     in_mirror, in_mirror_person = _seen(network, np.ascontiguousarray(depth_m[:, ::-1]), camera.mirrored())
     joints_m = in_mirror.joints_camera_m[0, MIRROR] * np.array([-1, 1, 1], np.float32)
-    judged = person is not None and in_mirror_person is not None
-    return Look(
-        (seen.joints_camera_m[0] + joints_m) / 2,
-        (seen.confidence[0] + in_mirror.confidence[0, MIRROR]) / 2,
-        (person + in_mirror_person) / 2 if judged else None,
-    )
+    if person is not None and in_mirror_person is not None:
+        person = (person + in_mirror_person) / 2
+    confidence = (seen.confidence[0] + in_mirror.confidence[0, MIRROR]) / 2
+    return Look((seen.joints_camera_m[0] + joints_m) / 2, confidence, person)
 
 
 def _seen(network: Estimator, depth_m: np.ndarray, camera: Camera) -> tuple[Estimate, float | None]:
@@ -78,7 +65,7 @@ def _seen(network: Estimator, depth_m: np.ndarray, camera: Camera) -> tuple[Esti
 class DetectedPerson:
     """One person's joints in successive frames by a network; a frame's joints depend on it and on those before it."""
 
-    def __init__(self, camera: Camera, network: Estimator, mode: Mode) -> None:
+    def __init__(self, camera: Camera, network: Estimator, mode: str) -> None:
         self.camera, self.network, self.mode = camera, network, mode
         self._body, self._live, self._seen_s = BodyEstimate(), Live(_over_time(sees_future=False)), math.inf
 
@@ -144,12 +131,12 @@ class PersonEstimator:
         """Wraps a network that estimates joints in single frames."""
         check_one_of("mode", mode, MODES)
         self.estimator, self.name, self.fps = network, mode, fps
-        self.sees_future = MODES[mode].sees_future
+        self.sees_future = mode == "best"
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
-        person, times_s = DetectedPerson(camera, self.estimator, MODES[self.name]), np.arange(len(depth_m)) / self.fps
+        person, times_s = DetectedPerson(camera, self.estimator, self.name), np.arange(len(depth_m)) / self.fps
         return joined([person.update(*frame) for frame in zip(depth_m, repeat(camera), times_s)], times_s, self.sees_future)
 
 

@@ -17,7 +17,7 @@ from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
-from kpopnet.pose.person import MODES, DetectedPerson, PersonEstimator
+from kpopnet.pose.person import DetectedPerson, PersonEstimator
 from kpopnet.skeleton import MIRROR
 from kpopnet.sources.source import TimedDepth
 from kpopnet.tracker.estimator import TrackerEstimator
@@ -164,7 +164,7 @@ def test_an_empty_room_gives_an_empty_list_and_a_warning(caplog):
 def test_the_mirror_shows_the_mirrored_person():
     """A detector that answers a pose of the plain image and its mirror image in the mirror agrees with itself."""
     network = Blob()
-    DetectedPerson(CAMERA, network, MODES["best"]).update(person(20), CAMERA, 0.0)
+    DetectedPerson(CAMERA, network, "best").update(person(20), CAMERA, 0.0)
     (plain, _), (mirrored, camera) = network.asked
     np.testing.assert_array_equal(plain[0], mirrored[0, :, ::-1])
     points, reflected = CAMERA.points(plain[0]), camera.points(mirrored[0])[:, ::-1]
@@ -176,7 +176,7 @@ def test_the_answers_to_an_image_and_its_mirror_image_are_averaged_side_by_side(
     speck[30, 40] = 2  # nothing that a body could be fitted to
     answers = iter((pose_m + np.float32(0.1), (pose_m * np.float32((-1, 1, 1)))[MIRROR]))
     monkeypatch.setattr(network, "estimate", lambda *_: Estimate(next(answers)[None], np.full((1, 15), 0.5, np.float32)))
-    pose = DetectedPerson(CAMERA, network, MODES["best"]).update(speck, CAMERA, 0.0)
+    pose = DetectedPerson(CAMERA, network, "best").update(speck, CAMERA, 0.0)
     np.testing.assert_allclose(pose.joints_camera_m, pose_m + 0.05, atol=1e-6)
 
 
@@ -243,7 +243,7 @@ def test_only_best_sees_the_future_and_both_take_the_times_of_the_images():
 
 
 def test_who_is_found_again_after_long_is_measured_anew():
-    person = DetectedPerson(CAMERA, Blob(), MODES["realtime"])
+    person = DetectedPerson(CAMERA, Blob(), "realtime")
     depth_m = np.zeros((60, 80), np.float32)
     depth_m[10:50, 30:50] = 2.5
     human = Human.cut_out(
