@@ -193,16 +193,10 @@ class CropBatches(Dataset):
         keys, px = self.order(step), self.crop_px(step)
         channels, views = INPUTS[self.model.input], 1 if self.augment is None else self.augment.views
         count = views * len(keys)
-        depths_m: list[np.ndarray] = []
-        warps = np.empty((count, 8))
-        batch = Batch(
-            crop=np.empty((0 if self.patches else count, channels, px, px), np.float32),
-            target=np.empty((count, NUM_JOINTS, 3), np.float32),
-            cube_m=np.empty((count, 4), np.float32),
-            offset_m=np.empty((count, NUM_JOINTS, 3), np.float32),
-            skipped=0,
-        )
-        skipped = 0
+        depths_m, warps, skipped = [], np.empty((count, 8)), 0
+        crops = np.empty((0 if self.patches else count, channels, px, px), np.float32)
+        targets, offsets_m = (np.empty((count, NUM_JOINTS, 3), np.float32) for _ in range(2))
+        cubes_m = np.empty((count, 4), np.float32)
         for first, (index, epoch) in enumerate(keys):
             index, observation, centre_m, empty = self._observe(index, epoch)
             skipped += empty
@@ -213,18 +207,18 @@ class CropBatches(Dataset):
                 depths_m.append(observation.depth_m)
             for row in range(first * views, (first + 1) * views):
                 cube, view = (plain, PLAIN_VIEW) if self.augment is None else draw_view(rng, plain, self.augment)
-                batch.offset_m[row] = observation.joints_camera_m - centre_m
+                offsets_m[row] = observation.joints_camera_m - centre_m
                 if self.patches:
                     to_pixels = (one.ravel() for one in crop_pixels(observation.camera, cube, px, view))
                     warps[row] = np.concatenate([*to_pixels, [cube.centre_m[2], 1 / cube.half_size_m]])
                 else:
-                    batch.crop[row] = crop(observation.depth_m, observation.camera, cube, px, ridge, view)
-                batch.target[row] = view.joints(cube.to_uvd(observation.joints_camera_m))
-                batch.cube_m[row] = (*cube.centre_m, cube.half_size_m)
+                    crops[row] = crop(observation.depth_m, observation.camera, cube, px, ridge, view)
+                targets[row] = view.joints(cube.to_uvd(observation.joints_camera_m))
+                cubes_m[row] = (*cube.centre_m, cube.half_size_m)
         if self.patches:
             sizes = np.array([one.shape[::-1] for one in depths_m])
-            batch = batch._replace(crop=Patches(np.concatenate([one.ravel() for one in depths_m]), sizes, warps, px))
-        return batch._replace(skipped=skipped)
+            crops = Patches(np.concatenate([one.ravel() for one in depths_m]), sizes, warps, px)
+        return Batch(crops, targets, cubes_m, offsets_m, skipped)
 
     def crop_px(self, step: int) -> int:
         """The side of a step's crops in pixels."""
