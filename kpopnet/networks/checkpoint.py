@@ -9,8 +9,8 @@ In the folder of a run:
         person.safetensors  where tools/fit_person.py was run: whether a crop shows a person
     last, best              links to two checkpoints; the others are removed
 
-At each moment both links point to a whole checkpoint: a step that is saved again, by a run that was resumed from `best`, goes
-to step_00002000_2 until the links have moved.
+From the first checkpoint on both links point to a whole one at each moment: a step that is saved again, by a run that was
+resumed from `best`, goes to step_00002000_2.
 
 No random state is stored: everything random is a function of seed and step.
 """
@@ -23,6 +23,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import asdict
 from importlib.metadata import version
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,9 @@ def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *,
     `state` holds tensors, numbers and containers of them (torch.load with weights_only reads only these), `meta` step, config,
     metrics and mean_pose_m, of JSON types. Where it is the best so far, the link `best` moves too.
     """
-    folder = _free_name(run, meta["step"])
+    name = f"step_{meta['step']:08d}"
+    names = chain([name], (f"{name}_{again}" for again in count(2)))
+    folder = next(folder for one in names if not (folder := run / "checkpoints" / one).exists())
     partial = folder.with_name(f".{folder.name}.{os.getpid()}")
     shutil.rmtree(partial, ignore_errors=True)
     partial.mkdir(parents=True)
@@ -76,13 +79,17 @@ def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *,
     (partial / META).write_text(json.dumps(described, indent=2) + "\n")
     for file in partial.iterdir():
         sync(file)
+    for link in ("best", "last"):
+        if not (run / link).exists():  # so that the first checkpoint has both as soon as it stands
+            _move_link(run / link, folder)
+    sync(run)
     partial.rename(folder)
     sync(folder.parent)
     # A run killed in between resumes from `last`, reaches the best step again and moves the link then.
     for link in ("best", "last") if best else ("last",):
         _move_link(run / link, folder)
     sync(run)
-    kept = _linked(run)
+    kept = {(run / link).resolve() for link in ("last", "best")}
     for other in (*folder.parent.glob("step_*"), *folder.parent.glob(".step_*")):
         if other.resolve() not in kept:
             _remove(other)
@@ -90,22 +97,8 @@ def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *,
 
 
 def resumable(run: Path) -> Path | None:
-    """The checkpoint from which a run can be resumed, `last` if there is one; None if the folder holds no run."""
-    checkpoints = sorted((run / "checkpoints").glob("step_*"), reverse=True)
-    return next((place for place in (run / "last", run / "best", *checkpoints) if (place / META).is_file()), None)
-
-
-def complete_links(run: Path, checkpoint: Path) -> bool:
-    """Makes the links `last` and `best` that a run killed during its first save lacks, to the checkpoint that it resumes.
-
-    Returns whether the checkpoint is this run's; if not, nothing is done.
-    """
-    if checkpoint.resolve().parent != (run / "checkpoints").resolve():
-        return False
-    for link in ("best", "last"):
-        if not (run / link).exists():
-            _move_link(run / link, checkpoint.resolve())
-    return True
+    """The checkpoint from which a run can be resumed; None if the folder holds no run."""
+    return run / "last" if (run / "last" / META).is_file() else None
 
 
 def refuse_copied_links(run: Path) -> None:
@@ -116,21 +109,6 @@ def refuse_copied_links(run: Path) -> None:
                 f"{link}: a folder where a run has a link to one of its checkpoints; copy runs with their links, as rsync -a "
                 f"does, or make it again: rm -r {link}; ln -s checkpoints/STEP {link}"
             )
-
-
-def _linked(run: Path) -> set[Path]:
-    return {(run / link).resolve() for link in ("last", "best")}
-
-
-def _free_name(run: Path, step: int) -> Path:
-    """The folder for a checkpoint: a new one where a link points to one of the same step, which is removed afterwards."""
-    name = run / "checkpoints" / f"step_{step:08d}"
-    for folder in (name, *(name.with_name(f"{name.name}_{again}") for again in (2, 3))):
-        if folder.resolve() not in _linked(run):
-            if folder.exists():
-                _remove(folder)
-            return folder
-    raise AssertionError("two links cannot point to three folders")
 
 
 def _remove(folder: Path) -> None:

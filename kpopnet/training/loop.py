@@ -34,7 +34,6 @@ from kpopnet.data.observation import ObservationSource
 from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.networks import WEIGHTS, ModelConfig
 from kpopnet.networks.checkpoint import (
-    complete_links,
     load_network,
     load_state,
     load_weights,
@@ -249,9 +248,15 @@ def refuse_other_run(folder: Path, resume: str | None) -> None:
         refuse_copied_links(folder)
         refuse_copied_links(Path(resume).parent)
     found = resumable(folder)
-    if found is None or (resume is not None and (folder / "checkpoints").resolve() in Path(resume).resolve().parents):
-        return
-    raise InputError(f"{folder}: holds a run; resume it (training.resume={found}), or give another folder (hydra.run.dir=...)")
+    if found is not None and not (resume is not None and holds(folder, resume)):
+        raise InputError(
+            f"{folder}: holds a run; resume it (training.resume={found}), or give another folder (hydra.run.dir=...)"
+        )
+
+
+def holds(folder: Path, checkpoint: str) -> bool:
+    """Whether a checkpoint is one of the run in a folder."""
+    return (folder / "checkpoints").resolve() in Path(checkpoint).resolve().parents
 
 
 def load_initial_weights(network: PoseNetwork, checkpoint: str) -> None:
@@ -314,7 +319,7 @@ def train(
                 f"steps {run.step:,} to {training.steps:,} of {training.batch_size} samples, lr up to {training.lr:g}\n"
                 f"into {out}; watch with: tensorboard --logdir {out}"
             )
-            if training.resume is not None and not complete_links(out, Path(training.resume)):
+            if training.resume is not None and not holds(out, training.resume):
                 run.best_cm = math.inf  # the best checkpoint stayed in the other folder
             sets = {px: validation_batches(config, validation, px) for px in batches.sizes()}
             described = {"config": asdict(config), "data": data}
