@@ -16,6 +16,7 @@ from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.ridge import RidgeConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 from kpopnet.training.loop import TrainingConfig
+from synth.__main__ import parse_range
 from synth.dances.simulate import KpopSimConfig
 from synth.motion import MotionConfig
 from synth.samples.placing import StageConfig
@@ -50,6 +51,8 @@ TOLD = {
     r"sensor\.lateral_px needs a sensor\.native_focal_px": partial(SensorConfig, "ideal", lateral_px=1.0),
     r"sensor\.lateral_grazing_px needs a sensor\.native": partial(SensorConfig, "ideal", lateral_grazing_px=1.0),
     r"camera\.name=gopro": CameraConfig("gopro").build,
+    r"shards=five: give .*0:100": partial(parse_range, "five", 9),
+    r"shards=5:5: the first number": partial(parse_range, "5:5", 9),
     r"stage\.distance_m": partial(StageConfig, distance_m=(3, 2)),
     r"benchmark\.dances=": partial(KpopSimConfig, dances=101),
     r"benchmark\.split=": partial(KpopSimConfig, split="exam"),

@@ -65,7 +65,7 @@ def shaded(depth_m: np.ndarray) -> np.ndarray:
 def clothes(photographer: Photographer) -> np.ndarray:
     """Every garment alone on the mean body, and drawn people."""
     bare, rng = shape_person(np.zeros(len(load_body().basis), np.float32)), np.random.default_rng(3)
-    figure = Figure(load_body(), bare.bare_m, bare.heads_m, female=True)
+    figure = Figure(bare.bare_m, bare.heads_m, female=True)
     upright = rotations(angles(left_raise=18, right_raise=18, left_abduct=-2, right_abduct=-2)[None])[0]
     picture = partial(photographer.picture, quats=upright, joints=False)
     tiles = [picture(bare, yaw_deg=25, caption="unclothed")]

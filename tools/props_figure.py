@@ -4,6 +4,7 @@ python tools/props_figure.py docs/figures/props.png
 """
 
 import sys
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -29,37 +30,29 @@ ROWS = {
 """Title of a row, its families of poses, where people stand, and what is around them."""
 
 
-def chosen(families: tuple[str, ...], stage: StageConfig, props: PropsConfig) -> tuple[list[RenderedSample], Sampler]:
-    """The samples of a row; of seats and held objects one of each kind comes first."""
+def row(families: tuple[str, ...], stage: StageConfig, props: PropsConfig) -> list[np.ndarray]:
+    """The first samples with something around the person, or without props the first ones."""
     config = SampleConfig(
         motion=MotionConfig("poses"), stage=stage, props=props, renderer="cpu", samples_per_body=1, samples_per_room=1
     )
     sampler = Sampler(config, 0, "train")
     sampler.source = ProceduralPoses({name: FAMILIES[name] for name in families})
-    found = [one for one in sampler.samples(0, 300) if one.props or props == NO_PROPS]
-    first = {one.props: one for one in reversed(found)}
-    kinds = list(first.values()) if len(first) > 1 else []
-    others = [one for one in found if all(one is not kind for kind in kinds)]
-    return [*kinds, *others][:COLUMNS], sampler
+    shown = (tile(one, sampler) for one in sampler.samples(0, 300) if props == NO_PROPS or not one.around.is_empty)
+    return list(islice(shown, COLUMNS))
 
 
 def tile(rendered: RenderedSample, sampler: Sampler) -> np.ndarray:
     """Above: everything but the room. Below: what is segmented as the person, with the true joints."""
-    sample, around = rendered.sample, rendered.around
-    person_m = sample.depth_mm / np.float32(MM_PER_METRE)
-    scene_m = person_m
-    for other_m in around.others_m:
+    sample = rendered.sample
+    scene_m = person_m = sample.depth_mm / np.float32(MM_PER_METRE)
+    for other_m in rendered.around.others_m:
         scene_m = np.where((other_m > 0) & ((scene_m == 0) | (other_m < scene_m)), other_m, scene_m)
     skeleton = enlarged(depth_rgb(person_m), TILE_PX)
     draw_skeleton(skeleton, sample.joints_camera_m, sampler.scene.camera, TRUE)
-    distance_m = sample.joints_camera_m[Joint.TORSO, 2]
-    caption = f"{', '.join(rendered.props).replace('_', ' ') or 'torso'}, {distance_m:.1f} m"
+    caption = f"torso at {sample.joints_camera_m[Joint.TORSO, 2]:.1f} m"
     return np.concatenate([enlarged(depth_rgb(scene_m), TILE_PX), with_captions(skeleton, (caption,))])
 
 
 if __name__ == "__main__":
-    rows = []
-    for title, settings in ROWS.items():
-        samples, sampler = chosen(*settings)
-        rows.append((title, [tile(rendered, sampler) for rendered in samples]))
+    rows = [(title, row(*settings)) for title, settings in ROWS.items()]
     save_png(Path(sys.argv[1]), sheet(rows, (TRUE,), "simulated: the people, and what is segmented as the person"))

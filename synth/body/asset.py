@@ -30,14 +30,10 @@ class BodyAsset:
     def bone(self, name: str) -> int:
         return self.bone_names.index(name)
 
-    def weight_of(self, *bones: str) -> np.ndarray:
-        """(V,) sum of each vertex's skinning weights of these bones."""
-        return (self.weights * np.isin(self.weight_bones, [self.bone(name) for name in bones])).sum(1)
-
 
 @cache
-def load_body(path: Path = ASSET) -> BodyAsset:
-    with np.load(path, allow_pickle=False) as data:
+def load_body() -> BodyAsset:
+    with np.load(ASSET, allow_pickle=False) as data:
         assert tuple(data["joint_names"]) == JOINT_NAMES
         parts = ("vertices", "heads", "joints")
         rank = len(data["basis_heads_m"])

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synth.body.asset import BodyAsset, vertex_normals
+from synth.body.asset import load_body, vertex_normals
 
 SIDES = ("Left", "Right")
 TRUNK = ("LowerBack", "Spine", "Spine1", "LeftShoulder", "RightShoulder")
@@ -28,7 +28,6 @@ AZIMUTHS, LEVEL_M = 24, 0.03
 class Figure:
     """An unclothed body at rest, with what garments need to know of it. z is up, the body faces -y, its left is +x."""
 
-    asset: BodyAsset  # the body model
     vertices_m: np.ndarray  # (V, 3) skin at rest, metres
     heads_m: np.ndarray  # (B, 3) proximal ends of the bones at rest, metres
     female: bool  # whether the person is more female than male
@@ -36,22 +35,21 @@ class Figure:
     @cached_property
     def normals(self) -> np.ndarray:
         """(V, 3) unit normals of the vertices."""
-        return vertex_normals(self.vertices_m, self.asset.faces)
+        return vertex_normals(self.vertices_m, load_body().faces)
 
     def bone_m(self, name: str) -> np.ndarray:
         """(3,) proximal end of a bone, metres."""
-        return self.heads_m[self.asset.bone(name)]
+        return self.heads_m[load_body().bone(name)]
 
-    def cover(self, *bones: str) -> np.ndarray:
+    @staticmethod
+    @cache
+    def cover(*bones: str) -> np.ndarray:
         """(V,) share 0..1 of each vertex that belongs to these bones, not to be written to."""
-        return _cover(self.asset, bones)
-
-
-@cache
-def _cover(asset: BodyAsset, bones: tuple[str, ...]) -> np.ndarray:
-    share = np.minimum(asset.weight_of(*bones), 1)
-    share.flags.writeable = False
-    return share
+        asset = load_body()
+        held = np.isin(asset.weight_bones, [asset.bone(name) for name in bones])
+        share = np.minimum((asset.weights * held).sum(1), 1)
+        share.flags.writeable = False
+        return share
 
 
 def outermost(first: np.ndarray, *others: np.ndarray) -> np.ndarray:
@@ -119,9 +117,9 @@ def _outwards(figure: Figure, worn: np.ndarray, distance_m: np.ndarray, directio
     return moved
 
 
-def above(figure: Figure, height_m: float, soft_m: float = 0.02) -> np.ndarray:
+def above(figure: Figure, height_m: float) -> np.ndarray:
     """(V,) 1 above a height at rest, 0 below it, with a soft edge."""
-    return np.clip((figure.vertices_m[:, 2] - height_m) / soft_m + 0.5, 0, 1)
+    return np.clip((figure.vertices_m[:, 2] - height_m) / 0.02 + 0.5, 0, 1)
 
 
 def folds(vertices_m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -201,8 +199,8 @@ def _legs(figure: Figure, thigh_m: float, knee_m: float, hem_m: float, length: f
         hip_z, ankle_z = figure.bone_m(thigh)[2], figure.bone_m(foot)[2]
         within = above(figure, hip_z + length * 1.04 * (ankle_z - hip_z))
         pieces.append(tube(figure, (thigh, shin), figure.cover(thigh) * within, (thigh_m, knee_m)))
-        pieces.append(tube(figure, (shin, foot), np.minimum(figure.cover(shin, foot), 1) * within, (knee_m, hem_m)))
-    return outermost(*pieces) * np.minimum(above(figure, hip_z + length * 1.04 * (ankle_z - hip_z)), 1)[:, None]
+        pieces.append(tube(figure, (shin, foot), figure.cover(shin, foot) * within, (knee_m, hem_m)))
+    return outermost(*pieces) * within[:, None]
 
 
 def _trousers(least_m: tuple[float, float, float], greatest_m: tuple[float, float, float]) -> Garment:
@@ -259,7 +257,7 @@ def hooded_top(figure: Figure, rng: np.random.Generator) -> np.ndarray:
     drape, hem_m, wide_m, wrist_m, hood_m = rng.uniform((0.95, 0.05, 0.07, 0.038, 0.015), (1.12, 0.18, 0.11, 0.05, 0.04))
     skull = figure.vertices_m[figure.cover("Head") > 0.5]
     behind_face = np.clip((figure.vertices_m[:, 1] - skull[:, 1].min() - 0.06) / 0.03, 0, 1)
-    hood = np.minimum(figure.cover("Head", "Neck"), 1) * behind_face
+    hood = figure.cover("Head", "Neck") * behind_face
     return outermost(_body_of_top(figure, drape, hem_m), _sleeves(figure, wide_m, wrist_m, 1.0), padded(figure, hood, hood_m))
 
 

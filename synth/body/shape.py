@@ -92,7 +92,7 @@ def shape_person(coefficients: np.ndarray) -> Person:
     num_vertices, num_bones = len(asset.weights), len(asset.bone_names)
     vertices, heads, joints = np.split(points, [num_vertices, num_vertices + num_bones])
     hip, knee, ankle = (heads[asset.bone(name)] for name in ("LeftUpLeg", "LeftLeg", "LeftFoot"))
-    pieces = unworn(Figure(asset, vertices, heads, female=False)).values()
+    pieces = unworn(Figure(vertices, heads, female=False)).values()
     return Person(
         bare_m=vertices,
         vertices_m=np.concatenate([vertices, *pieces]).astype(np.float32),
@@ -108,7 +108,7 @@ def dress(
     person: Person, female: bool, rng: np.random.Generator, config: ClothesConfig, wardrobe: Wardrobe = ORDINARY
 ) -> Person:
     """Puts an outfit on an unclothed person. Bones and joints do not move."""
-    figure = Figure(load_body(), person.bare_m, person.heads_m, female)
+    figure = Figure(person.bare_m, person.heads_m, female)
     return replace(person, vertices_m=np.concatenate(put_on(figure, rng, config, wardrobe)))
 
 

@@ -22,6 +22,7 @@ from kpopnet.viz.drawing import TRUE, scene_tile, sheet
 from kpopnet.weights import SHA256
 from synth.rooms.images import MeasuredScene, RoomImagesConfig, SceneShards
 from synth.rooms.scene import ClearScene
+from synth.samples.layers import at_joints, millimetres
 
 IMAGE_PX = (320, 240)  # most width and height of the scenes' images
 
@@ -65,7 +66,7 @@ class PersonCropsSet(SceneShards):
 
     def make(self, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
         crops = [crop for scene in self.measured(index, on_frame) for crop in crops_of(*scene)]
-        pixels = [np.rint(crop.depth_m * MM_PER_METRE).astype(np.uint16).ravel() for crop in crops]
+        pixels = [millimetres(crop.depth_m).ravel() for crop in crops]
         arrays = {
             "pixels_mm": np.concatenate(pixels),
             "starts": np.append(0, np.cumsum([len(one) for one in pixels])),
@@ -100,13 +101,5 @@ def crops_of(clear: ClearScene, measured: MeasuredScene) -> Iterator[Observation
     for row, person in zip(*linear_sum_assignment(np.minimum(apart_m, NEAR_M)), strict=True):
         human = humans[row]
         if apart_m[row, person] < NEAR_M and np.count_nonzero(human.depth_m) >= LEAST_PX:
-            visible = shows(measured.labels, person + 1, camera, joints_m[person])
+            visible = at_joints(measured.labels, joints_m[person], camera) == person + 1
             yield Observation(human.depth_m, human.cropped(camera), joints_m[person], visible)
-
-
-def shows(labels: np.ndarray, label: int, camera: Camera, joints_m: np.ndarray) -> np.ndarray:
-    """(15,) bool: of each joint (15, 3), whether its pixel shows the person with a label."""
-    column, row, z = np.moveaxis(camera.project(joints_m), -1, 0)
-    column, row = (np.rint(one.clip(-1, most)).astype(int) for one, most in ((column, camera.width), (row, camera.height)))
-    inside = (z > 0) & (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height)
-    return inside & (labels[row.clip(0, camera.height - 1), column.clip(0, camera.width - 1)] == label)

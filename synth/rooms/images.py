@@ -23,6 +23,7 @@ from kpopnet.viz.drawing import depth_rgb, enlarged, sheet
 from synth.motion import SPLITS, MixedPoses, MotionConfig
 from synth.motion.poses.families import FAMILIES, ProceduralPoses
 from synth.rooms.scene import ClearScene, RoomScenes
+from synth.samples.layers import millimetres
 from synth.samples.observe import LIMB_ENDS
 from synth.samples.sampler import SampleConfig
 from synth.sensor.model import SENSORS, measure_labelled
@@ -93,7 +94,7 @@ def measure_scene(rng: np.random.Generator, clear: ClearScene, shares: dict[str,
         depth_m[lost] = rng.uniform(0.5, 8.0, np.count_nonzero(lost))
         labels[lost] = 0
     labels[depth_m == 0] = 0
-    return MeasuredScene(np.rint(depth_m * MM_PER_METRE).astype(np.uint16), labels)
+    return MeasuredScene(millimetres(depth_m), labels)
 
 
 def _clouds(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:

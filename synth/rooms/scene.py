@@ -17,14 +17,14 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.skeleton import NUM_JOINTS
 from synth.rooms.clutter import CLUTTER, Clutter
 from synth.samples.placing import Body
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.mesh import Mesh, about_z, boxes
 from synth.scene.props import held_by, is_sitting, platform_under, seat_under
 from synth.scene.render import draw_mesh_m, whole_px
-from synth.scene.room import View, looking, overlaps_boxes
+from synth.scene.room import View, overlaps_boxes, posed_view
 
 MOST_PEOPLE = 6
 SHARES_OF_COUNTS = (0.12, 0.36, 0.24, 0.13, 0.08, 0.04, 0.03)  # how many scenes show none, one, ..., six people
@@ -136,14 +136,12 @@ class RoomScenes(Sampler):
                 low_m, high_m = body.low_m[:2] + place_m[:2], body.high_m[:2] + place_m[:2]
                 things_m.append(draw_mesh_m(scene, platform_under(own, low_m, high_m, raised_m)))
             elif is_sitting(joints_world_m) and own.random() < SEATED:
-                seat = seat_under(own, joints_world_m, body.vertices_m + place_m, scene.facing_world())
+                seat = seat_under(own, scene, body.vertices_m + place_m)
                 if seat is not None:
-                    things_m.append(draw_mesh_m(scene, seat.mesh))
+                    things_m.append(draw_mesh_m(scene, seat))
             if own.random() < HOLDS:
-                left = own.random() < 0.5
-                hand = joints_world_m[Joint.LEFT_HAND if left else Joint.RIGHT_HAND]
-                held = held_by(own, hand, scene.bone_rotation("LeftHand" if left else "RightHand"), left)
-                person_m = nearest_depth_m([person_m, draw_mesh_m(scene, held.mesh)], scene.camera)
+                held_m = draw_mesh_m(scene, held_by(own, scene, left=own.random() < 0.5))
+                person_m = nearest_depth_m([person_m, held_m], scene.camera)
             standing.append(_Standing(body, place_m, _cells(body, place_m)))
             for thing_m in things_m:
                 labels[_put(nearest_m, thing_m)] = 0
@@ -251,11 +249,6 @@ def draw_view(rng: np.random.Generator) -> View:
     else:
         roll = np.radians(rng.choice((90, -90, 180)) + 5 * rng.normal())
     return posed_view(np.array([0, 0, height_m]), pitch, roll)
-
-
-def posed_view(position_m: np.ndarray, pitch_rad: float, roll_rad: float, yaw_rad: float = 0.0) -> View:
-    """A camera at a place (3,) of the world that looks towards +y, down by the pitch, to the left by the yaw, and is rolled."""
-    return View(position_m, about_z(yaw_rad) @ looking(pitch_rad, roll_rad))
 
 
 def _outside(point_m: np.ndarray, walls: tuple[float, float, float, float] | None) -> bool:

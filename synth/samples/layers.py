@@ -31,6 +31,10 @@ class Around(NamedTuple):
     # distance, metres, from the person within which the others are segmented as the person, for each of them
     attached_m: tuple[float, ...] = ()
 
+    @property
+    def is_empty(self) -> bool:
+        return self.held_m is None and not self.others_m
+
 
 class Composed(NamedTuple):
     depth_mm: np.ndarray  # (H, W) uint16 depth of what is segmented as the person, millimetres
@@ -40,7 +44,7 @@ class Composed(NamedTuple):
 
 def compose(person_m: np.ndarray, room_mm: np.ndarray, around: Around, camera: Camera) -> Composed:
     """Composes the stored image from (H, W) depth of the person in metres and of the empty room in millimetres."""
-    if around.held_m is None and not around.others_m:
+    if around.is_empty:
         own_mm = _visible_mm(person_m, room_mm)
         return Composed(own_mm, own_mm, silhouette_box(own_mm))
     others_mm = [millimetres(other_m) for other_m in around.others_m]
@@ -120,11 +124,16 @@ def _near_person(other_mm, person_mm, focal_px, reach_mm):
     return near
 
 
-def visible_joints(joints_camera_m: np.ndarray, own_mm: np.ndarray, camera: Camera) -> np.ndarray:
-    """(15,) bool: whether a joint projects onto the visible person and the surface there belongs to its body part."""
+def at_joints(image: np.ndarray, joints_camera_m: np.ndarray, camera: Camera) -> np.ndarray:
+    """(N,) values of an (H, W) image at the pixels of (N, 3) joints in metres, 0 where they are not inside the image."""
     u, v, z = camera.project(joints_camera_m).T
     inside = (z > 0) & (np.abs(u - (camera.width - 1) / 2) < camera.width / 2)
     inside &= np.abs(v - (camera.height - 1) / 2) < camera.height / 2
     row, column = (np.where(inside, np.rint(w), 0).astype(int) for w in (v, u))
-    seen_mm = own_mm[row, column]
-    return inside & (seen_mm > 0) & (seen_mm / MM_PER_METRE > z - SURFACE_OFFSET_M)
+    return np.where(inside, image[row, column], 0)
+
+
+def visible_joints(joints_camera_m: np.ndarray, own_mm: np.ndarray, camera: Camera) -> np.ndarray:
+    """(15,) bool: whether a joint projects onto the visible person and the surface there belongs to its body part."""
+    seen_mm = at_joints(own_mm, joints_camera_m, camera)
+    return (seen_mm > 0) & (seen_mm / MM_PER_METRE > joints_camera_m[:, 2] - SURFACE_OFFSET_M)

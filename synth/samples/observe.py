@@ -5,7 +5,6 @@ label of a pixel (person or room) moves with the sensor's lateral noise, so outl
 """
 
 from dataclasses import asdict, dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -16,7 +15,7 @@ from kpopnet.data.shards import Sample, ShardedSet
 from kpopnet.errors import InputError, check_between
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
-from synth.samples.layers import Box, silhouette_box, widened
+from synth.samples.layers import Box, millimetres, silhouette_box, widened
 from synth.sensor.kernel import erase_ellipses
 from synth.sensor.model import SENSORS, SensorConfig, measure_labelled, spherical_hole
 
@@ -62,15 +61,10 @@ class ExtractionConfig:
     hair_missing: float = 0.1
 
     def __post_init__(self) -> None:
-        check_between("extraction.feet_cut_m", self.feet_cut_m, 0, 10)
-        for name in ("erode", "dilate", "attached", "hand_missing", "hair_missing"):
-            check_between(f"extraction.{name}", getattr(self, name), 0, 1)
-        if self.erode + self.dilate > 1:
-            total = self.erode + self.dilate  # a silhouette is eroded or dilated, not both
-            raise InputError(f"extraction.erode + extraction.dilate must be at most 1, not {total}")
-
-
-PERFECT = ExtractionConfig(feet_cut_m=0, erode=0, dilate=0, attached=0, hand_missing=0, hair_missing=0)
+        for name, value in vars(self).items():
+            check_between(f"extraction.{name}", value, 0, 10 if name == "feet_cut_m" else 1)
+        # A silhouette is eroded or dilated, not both.
+        check_between("extraction.erode + extraction.dilate", self.erode + self.dilate, 0, 1)
 
 
 @dataclass(frozen=True)
@@ -103,11 +97,9 @@ class FreezeConfig:
     ridge: RidgeConfig
 
 
-class Background(NamedTuple):
-    """The empty room behind a person, as it is rendered."""
-
-    depth_mm: np.ndarray  # (H, W) uint16 depth, millimetres
-    floor: np.ndarray  # (4,) floor plane in the camera frame: upward unit normal n and offset d in metres, n.x + d = 0
+Background = tuple[np.ndarray, np.ndarray]
+"""The empty room behind a person, as it is rendered: (H, W) uint16 depth, millimetres, and its (4,) floor plane in the camera
+frame, upward unit normal n and offset d in metres, n.x + d = 0."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +124,7 @@ class Observer:
         sample = self.shards[index]
         if self.shards.kind == "frozen":
             return as_stored(sample, self.shards.camera)
-        room = Background(*self.shards.room(index, sample.room))
+        room = self.shards.room(index, sample.room)
         rng = np.random.default_rng([self.seed, epoch, index])
         return observe_sample(sample, room, self.shards.camera, self._sensor(index, epoch), self.extraction, rng)
 
@@ -154,15 +146,15 @@ def observe_sample(
     rng: np.random.Generator,
 ) -> Observation:
     """Measures and segments one clean sample, cropped to the person's surroundings; `rng` is the only source of randomness."""
-    check_images("sample and room", camera, sample.depth_mm, room.depth_mm)
+    room_mm, floor = room
+    check_images("sample and room", camera, sample.depth_mm, room_mm)
     # All random numbers but the sensor's are drawn at once, whether they are used or not.
     cut, outline, attached, missing, hand, size, kind, where = rng.random(8)
     attaches = attached < extraction.attached
     x0, y0, x1, y1 = _surroundings(sample, camera, attaches)
     cropped = camera.cropped(x0, y0, x1 - x0, y1 - y0)
 
-    person_mm = sample.depth_mm[y0:y1, x0:x1]
-    room_mm = room.depth_mm[y0:y1, x0:x1]
+    person_mm, room_mm = sample.depth_mm[y0:y1, x0:x1], room_mm[y0:y1, x0:x1]
     labels = ((person_mm > 0) & ((room_mm == 0) | (person_mm <= room_mm))).astype(np.uint8) * np.uint8(PERSON)
     scene_m = np.where(labels, person_mm, room_mm).astype(np.float32) / np.float32(MM_PER_METRE)
     if attaches:
@@ -173,7 +165,7 @@ def observe_sample(
 
     grow = -1 if outline < extraction.erode else int(outline > 1 - extraction.dilate)
     # The height of a point x above the floor is up[:3].x + up[3], with the sign that puts the camera above the floor.
-    up = np.asarray(room.floor, np.float32) * np.float32(1 if room.floor[3] >= 0 else -1)
+    up = np.asarray(floor, np.float32) * np.float32(1 if floor[3] >= 0 else -1)
     intrinsics = np.array([cropped.fx, cropped.fy, cropped.cx, cropped.cy], np.float32)
     depth_m = _segment(measured, seen, intrinsics, up, np.float32(cut * extraction.feet_cut_m), grow)
     if missing < extraction.hand_missing:
@@ -210,7 +202,7 @@ def freeze(
     x0, y0 = round(camera.cx - seen.camera.cx), round(camera.cy - seen.camera.cy)
     part = slice(y0, y0 + seen.camera.height), slice(x0, x0 + seen.camera.width)
     depth_mm = np.zeros((camera.height, camera.width), np.uint16)
-    depth_mm[part] = np.rint(seen.depth_m * MM_PER_METRE)
+    depth_mm[part] = millimetres(seen.depth_m)
     ridge_255 = np.zeros((camera.height, camera.width), np.uint8)
     ridge_255[part] = np.rint(ridge_probability(seen.depth_m, look.ridge) * 255)
     return depth_mm, ridge_255

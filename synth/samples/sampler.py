@@ -109,7 +109,7 @@ class RenderedSample(NamedTuple):
     # No pose without self-penetration, or no free place with enough visible pixels, was found within the allowed tries; the
     # best one is taken.
     forced: bool
-    props: tuple[str, ...]  # names of what is drawn around the person or in their hands
+    around: Around  # what is drawn around the person or in their hands
 
 
 class _Pose(NamedTuple):
@@ -189,8 +189,11 @@ class Sampler:
             lifts_m = np.maximum(height_above_floor(poses.quats, poses.root_m), 0) / poses.leg_m
             rejected = []
             for j, k in enumerate(pending):
+                rng = generators[k]
                 scene.set_person(self._known_person(numbers[k]))
-                local = self._body_rotations(generators[k], poses.quats[j])
+                faces_camera = rng.random() >= config.turned
+                yaw_rad = np.radians(config.turn_deg) * rng.normal() if faces_camera else rng.uniform(-np.pi, np.pi)
+                local = body_rotations(scene.asset, poses.quats[j], yaw_rad, rng.uniform(0.0, 1.5, 2))
                 scene.pose(local, np.zeros(3))
                 penetration_m = scene.penetration_m()
                 if penetration_m > config.penetration_m:
@@ -204,12 +207,6 @@ class Sampler:
         for k in pending:
             chosen[k] = chosen[k]._replace(rejected=config.tries)
         return chosen
-
-    def _body_rotations(self, rng: np.random.Generator, quats: np.ndarray) -> np.ndarray:
-        """(B, 4) local rotations of the body's bones from the (23, 4) of a motion, with random heading and finger curl."""
-        config = self.config.stage
-        yaw = rng.uniform(-np.pi, np.pi) if rng.random() < config.turned else np.radians(config.turn_deg) * rng.normal()
-        return body_rotations(self.scene.asset, quats, yaw, rng.uniform(0.0, 1.5, 2))
 
     def _posed_body(self, pose: _Pose) -> Body:
         self.scene.set_person(self._known_person(pose.number))
@@ -242,7 +239,7 @@ class Sampler:
         person_m = self.renderer.person_m()
         joints = scene.view.to_camera(scene.joints_world_m())
         yaw_rad = heading_rad(scene)
-        around, props = self._draw_around(placed, person_m)
+        around = self._draw_around(placed, person_m)
         composed = compose(person_m, room.depth_mm, around, camera)
         sample = Sample(
             depth_mm=composed.depth_mm,
@@ -256,33 +253,27 @@ class Sampler:
             ridge=None,
         )
         forced = forced or pose.penetration_m > self.config.stage.penetration_m
-        return RenderedSample(sample, pose.rejected, refused_places, forced, props)
+        return RenderedSample(sample, pose.rejected, refused_places, forced, around)
 
-    def _draw_around(self, placed: _Placed, person_m: np.ndarray) -> tuple[Around, tuple[str, ...]]:
-        """Draws seat, held object and second person of a placed person, and their names."""
+    def _draw_around(self, placed: _Placed, person_m: np.ndarray) -> Around:
+        """Draws seat, held object and second person of a placed person."""
         config, scene = self.config.props, self.scene
         rng = self._rng("props", placed.index)
         sits, holds, joined, left, *attached = rng.random(6)
         seat_reach_m, other_reach_m = np.where(np.array(attached) < config.attached, rng.uniform(*ATTACHED_M, 2), 0.0)
-        joints_m, held_m = scene.joints_world_m(), None
-        others, names = [], []
-        if sits < config.seat and is_sitting(joints_m):
-            seat = seat_under(rng, joints_m, self.renderer.vertices_world_m(), scene.facing_world())
+        held_m, others = None, []
+        if sits < config.seat and is_sitting(scene.joints_world_m()):
+            seat = seat_under(rng, scene, self.renderer.vertices_world_m())
             if seat is not None:
-                others.append((draw_mesh_m(scene, seat.mesh), seat_reach_m))
-                names.append(seat.name)
+                others.append((draw_mesh_m(scene, seat), seat_reach_m))
         if holds < config.held:
-            side, hand = ("Left", Joint.LEFT_HAND) if left < 0.5 else ("Right", Joint.RIGHT_HAND)
-            held = held_by(rng, joints_m[hand], scene.bone_rotation(f"{side}Hand"), left=side == "Left")
-            held_m = draw_mesh_m(scene, held.mesh)
-            names.append(held.name)
+            held_m = draw_mesh_m(scene, held_by(rng, scene, left < 0.5))
         if joined < config.second_person:
             other_m = self._second_person_m(rng, placed, person_m)
             if other_m is not None:
                 others.append((other_m, other_reach_m))
-                names.append("second person")
         images, reaches_m = zip(*others, strict=True) if others else ((), ())
-        return Around(held_m, images, reaches_m), tuple(names)
+        return Around(held_m, images, reaches_m)
 
     def _second_person_m(self, rng: np.random.Generator, placed: _Placed, person_m: np.ndarray) -> np.ndarray | None:
         """(H, W) depth in metres of another person of the split close to a placed one; None if no place is free for them."""

@@ -26,7 +26,7 @@ from synth.body.asset import ASSET
 from synth.motion import identity_of_recordings
 from synth.resumable import make_missing
 from synth.samples.layers import silhouette_box
-from synth.samples.observe import Background, FreezeConfig, freeze
+from synth.samples.observe import FreezeConfig, freeze
 from synth.samples.placing import Site
 from synth.samples.sampler import BLOCK, SampleConfig, Sampler
 
@@ -233,7 +233,7 @@ def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]
 def _frozen(sample: Sample, room: Site, camera: Camera, config: SetConfig, index: int) -> tuple[Sample, np.ndarray]:
     """The sample with its measured and segmented depth, and its ridge image (H, W) uint8."""
     rng = np.random.default_rng([config.seed, *config.split.encode(), index])
-    depth_mm, ridge = freeze(sample, Background(room.depth_mm, room.floor), camera, config.freeze, rng)
+    depth_mm, ridge = freeze(sample, (room.depth_mm, room.floor), camera, config.freeze, rng)
     return dataclasses.replace(sample, depth_mm=depth_mm, box=silhouette_box(depth_mm)), ridge
 
 
@@ -245,12 +245,12 @@ def draw_contact_sheet(shards: ShardedSet, look: FreezeConfig, seed: int, count:
     camera, shown = shards.camera, []
     for index in np.linspace(0, len(shards) - 1, min(count, len(shards))).astype(int).tolist():
         sample = shards[index]
-        room = Background(*shards.room(index, sample.room))
+        room = shards.room(index, sample.room)
         noisy_mm, ridge = sample.depth_mm, sample.ridge
         if shards.kind == "clean":
             rng = np.random.default_rng([seed, index])
             noisy_mm, ridge = freeze(sample, room, camera, look, rng)
-        whole_m = np.where(sample.depth_mm > 0, sample.depth_mm, room.depth_mm) / np.float32(MM_PER_METRE)
+        whole_m = np.where(sample.depth_mm > 0, sample.depth_mm, room[0]) / np.float32(MM_PER_METRE)
         noisy_m = noisy_mm / np.float32(MM_PER_METRE)
         skeleton = scene_tile(noisy_m, camera, ((sample.joints_camera_m, TRUE),), TILE_PX)
         images = depth_rgb(whole_m), depth_rgb(noisy_m), probability_rgb(ridge / np.float32(255))

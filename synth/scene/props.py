@@ -7,7 +7,6 @@ To add one, write the function and enter it in SEATS, IN_PALM or HANGING.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from kpopnet.errors import check_between
 from kpopnet.skeleton import Joint
 from synth.scene.mesh import Box, Mesh, about_z, ball, boxes, joined, rod
 from synth.scene.room import four_legs, overlaps_boxes
+from synth.scene.scene import Scene
 
 PALM_M = 0.02  # distance of the palm's skin from the centre of the hand
 SEAT_GIVE_M = 0.03  # depth to which seat and flesh give way to each other
@@ -43,13 +43,6 @@ class PropsConfig:
 
 
 NO_PROPS = PropsConfig(seat=0, held=0, second_person=0, attached=0)
-
-
-class Prop(NamedTuple):
-    """A thing in the world: its name and its mesh."""
-
-    name: str
-    mesh: Mesh
 
 
 def chair(rng: np.random.Generator, top_m: float) -> list[Box]:
@@ -98,12 +91,11 @@ def is_sitting(joints_m: np.ndarray) -> bool:
     )
 
 
-def seat_under(rng: np.random.Generator, joints_m: np.ndarray, skin_m: np.ndarray, facing: np.ndarray) -> Prop | None:
-    """A seat that touches the hips from below and stands on the floor; None if every kind stands in the legs.
-
-    The joints (15, 3) and the skin (V, 3) of the sitting person and (3,) where the hips face are in the world frame.
+def seat_under(rng: np.random.Generator, scene: Scene, skin_m: np.ndarray) -> Mesh | None:
+    """A seat in the world that touches the hips of the scene's sitting person from below and stands on the floor; None if every
+    kind stands in the legs. The skin is (V, 3).
     """
-    hips_m = joints_m[[Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=0)
+    hips_m, facing = scene.joints_world_m()[[Joint.LEFT_HIP, Joint.RIGHT_HIP]].mean(axis=0), scene.facing_world()
     rotation = about_z(np.arctan2(facing[0], -facing[1]))
     own = (skin_m - (*hips_m[:2], 0)) @ rotation  # x to the person's left, y backwards, z above the floor
     beneath = (np.hypot(own[:, 0], own[:, 1] - 0.05) < 0.13) & (np.abs(own[:, 2] - hips_m[2]) < 0.2)
@@ -119,7 +111,7 @@ def seat_under(rng: np.random.Generator, joints_m: np.ndarray, skin_m: np.ndarra
         lowered = centres - (0, 0, SEAT_GIVE_M)
         if not overlaps_boxes(own, np.zeros(3), lowered, halves, np.zeros(len(parts)), 0.0):
             mesh = boxes(zip(centres.tolist(), halves.tolist(), strict=True))
-            return Prop(make.__name__, mesh.moved(rotation, np.array([*hips_m[:2], 0.0])))
+            return mesh.moved(rotation, np.array([*hips_m[:2], 0.0]))
     return None
 
 
@@ -176,13 +168,12 @@ IN_PALM = (toy_ball, stick, book, phone, cup)
 HANGING = (bag,)  # held objects whose frame stays upright, turned with the hand about the vertical
 
 
-def held_by(rng: np.random.Generator, hand_m: np.ndarray, rotation: np.ndarray, left: bool) -> Prop:
-    """An object in a hand with (3,) centre in the world, turned by (3, 3) from the T-pose.
-
-    In the T-pose the palms face down and the left hand points along x.
-    """
+def held_by(rng: np.random.Generator, scene: Scene, left: bool) -> Mesh:
+    """An object in the left or right hand of the scene's person, in the world."""
     make = (*IN_PALM, *HANGING)[rng.integers(len(IN_PALM) + len(HANGING))]
-    frame = rotation if left else rotation * (-1, -1, 1)  # the right hand points along -x in the T-pose
     if make in HANGING:
         frame = about_z(rng.uniform(-np.pi, np.pi))
-    return Prop(make.__name__, make(rng).moved(frame, hand_m))
+    else:
+        # In the T-pose the palms face down, the left hand points along x and the right one along -x.
+        frame = scene.bone_rotation("LeftHand") if left else scene.bone_rotation("RightHand") * (-1, -1, 1)
+    return make(rng).moved(frame, scene.joints_world_m()[Joint.LEFT_HAND if left else Joint.RIGHT_HAND])

@@ -21,7 +21,6 @@ from synth.scene.scene import FAR_M, NEAR_M, ROOM_GROUP, Scene
 
 log = logging.getLogger(__name__)
 
-RENDERERS = ("auto", "gl", "cpu")
 MOST_BEYOND = 2  # `whole_px` counts pixels up to this many times the image's width and height beyond its borders
 
 EDGE_TOLERANCE = 1e-9
@@ -34,7 +33,7 @@ def make_renderer(name: str, scene: Scene) -> "CpuRenderer":
     `auto` tries OpenGL only with MuJoCo's EGL backend (MUJOCO_GL=egl, which `synth` sets on a machine with an NVIDIA GPU
     and an EGL library).
     """
-    check_one_of("renderer", name, RENDERERS)
+    check_one_of("renderer", name, ("auto", "gl", "cpu"))
     if name == "cpu":
         return CpuRenderer(scene)
     if name == "gl":
@@ -43,12 +42,11 @@ def make_renderer(name: str, scene: Scene) -> "CpuRenderer":
     if os.environ.get("MUJOCO_GL", "").lower() == "egl":
         try:
             renderer = GlRenderer(scene)
-        except InputError as error:
-            reason = str(error)
-        else:
             if renderer.on_gpu():
                 return renderer
             renderer.close()
+        except InputError as error:
+            reason = str(error)
     log.info("renderer=auto: the CPU rasteriser draws (%s)", reason)
     return CpuRenderer(scene)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.errors import check_between, check_range
-from synth.scene.mesh import Box
+from synth.scene.mesh import Box, about_z
 
 MAX_BOXES = 24
 WALL_HALF_THICKNESS_M = 0.1
@@ -74,15 +74,16 @@ def draw_view(rng: np.random.Generator, config: ViewConfig) -> View:
     height_m, aim_m = rng.uniform(*config.height_m), rng.uniform(*config.aim_m)
     pitch = np.arctan2(height_m - aim_m, AIM_DISTANCE_M)
     roll = np.radians(rng.uniform(-config.roll_deg, config.roll_deg))
-    return View(np.array([0, 0, height_m]), looking(pitch, roll))
+    return posed_view(np.array([0, 0, height_m]), pitch, roll)
 
 
-def looking(pitch_rad: float, roll_rad: float) -> np.ndarray:
-    """(3, 3) rotation of a camera that looks towards +y, down by the pitch, and is rolled."""
+def posed_view(position_m: np.ndarray, pitch_rad: float, roll_rad: float, yaw_rad: float = 0.0) -> View:
+    """A camera at a place (3,) of the world that looks towards +y, down by the pitch, to the left by the yaw, and is rolled."""
     forward = np.array([0, np.cos(pitch_rad), -np.sin(pitch_rad)])
     down, right = np.array([0, -np.sin(pitch_rad), -np.cos(pitch_rad)]), np.array([1.0, 0, 0])
     cos, sin = np.cos(roll_rad), np.sin(roll_rad)
-    return np.stack([cos * right + sin * down, cos * down - sin * right, forward], axis=1)
+    looking = np.stack([cos * right + sin * down, cos * down - sin * right, forward], axis=1)
+    return View(position_m, about_z(yaw_rad) @ looking)
 
 
 def draw_room(rng: np.random.Generator, furniture: tuple[Furniture, ...]) -> Room:

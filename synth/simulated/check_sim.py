@@ -95,11 +95,10 @@ class CheckSim(RoomFilms):
         place_m = np.array([-start_m if from_left else start_m, y_m, 0.0])
         sat = round(sum(SAT_S) / 2 * FPS)
         studio.pose(played, sat, place_m)
-        scene, skin_m = studio.scene, studio.renderer.vertices_world_m()
-        seat = seat_under(rng, scene.joints_world_m(), skin_m, scene.facing_world())
+        seat = seat_under(rng, studio.scene, studio.renderer.vertices_world_m())
         if seat is None:
             raise InputError(f"{self.sequence_name(index)}: no seat fits under the person")
-        surroundings = (*room_meshes(room), seat.mesh)
+        surroundings = (*room_meshes(room), seat)
         return RoomTake(len(played), camera, SENSORS[SENSOR_OF_CAMERA[name]], (view,), surroundings, (Actor(played, place_m),))
 
     def _room(self, number: int) -> tuple[Room, View]:

@@ -15,12 +15,12 @@ from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.body.shape import Person
 from synth.motion.choreography.pairs import Part
 from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
-from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, draw_camera, draw_view, nearest_depth_m, posed_view
+from synth.rooms.scene import HEIGHT_M, LOST, OUTDOORS, draw_camera, draw_view, nearest_depth_m
 from synth.samples.layers import millimetres
 from synth.scene.mesh import Mesh, about_z, boxes
 from synth.scene.props import platform_under, seat_under
 from synth.scene.render import draw_mesh_m, whole_px
-from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes
+from synth.scene.room import DANCE_HALL, Room, View, draw_room, overlaps_boxes, posed_view
 from synth.sensor.model import SENSORS, SensorConfig
 from synth.simulated.casts import CASTS, FPS
 from synth.simulated.film import (
@@ -220,10 +220,9 @@ def _things(rng: np.random.Generator, studio: Studio, parts: list[Part], actors:
     for part, actor in zip(parts, actors, strict=True):
         if part.seated:
             studio.pose(actor.played, 0, actor.place_m)
-            skin_m = studio.renderer.vertices_world_m()
-            if (seat := seat_under(rng, studio.scene.joints_world_m(), skin_m, studio.scene.facing_world())) is None:
+            if (seat := seat_under(rng, studio.scene, studio.renderer.vertices_world_m())) is None:
                 return None
-            things.append(seat.mesh)
+            things.append(seat)
         if part.raised_m:
             skin_m = actor.played.skin_m[:, :2] + actor.place_m[:2]
             things.append(platform_under(rng, skin_m.min(axis=0), skin_m.max(axis=0), part.raised_m))

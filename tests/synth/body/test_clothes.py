@@ -17,7 +17,7 @@ EVERYTHING = ClothesConfig(**dict.fromkeys(vars(ClothesConfig()), 1.0))
 ASSET = load_body()
 NUM_VERTICES = len(ASSET.weights)
 BARE = shape_person(np.zeros(len(ASSET.basis), np.float32))
-FIGURE = Figure(ASSET, BARE.bare_m, BARE.heads_m, female=True)
+FIGURE = Figure(BARE.bare_m, BARE.heads_m, female=True)
 WORN = ORDINARY.tops | ORDINARY.bottoms | HELD_BACK.tops | HELD_BACK.bottoms
 GARMENTS = {name: garment for name, (_, garment) in WORN.items()} | {"shoes": shoes, "hair": hair}
 

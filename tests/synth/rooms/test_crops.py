@@ -11,7 +11,7 @@ from kpopnet.data.person_crops import PersonCrops
 from kpopnet.errors import InputError
 from kpopnet.programs.train import DataConfig, NetworkTrainingConfig
 from kpopnet.skeleton import Joint
-from synth.rooms.crops import PersonCropsConfig, PersonCropsSet, shows
+from synth.rooms.crops import PersonCropsConfig, PersonCropsSet
 
 
 class FewCrops(PersonCropsSet):
@@ -78,13 +78,3 @@ def test_a_training_sees_them_after_its_samples(folder, tmp_path):
             NetworkTrainingConfig(data=DataConfig(data.train, f"{tmp_path}/{same}")).observed()
     with pytest.raises(InputError, match="crops_repeated=0"):
         NetworkTrainingConfig(crops_repeated=0)
-
-
-def test_a_joint_shows_where_its_pixel_is_the_persons():
-    labels = np.zeros((240, 320), np.uint8)
-    labels[100:140, 150:170] = 2
-    camera = PersonCropsSet.camera
-    joints_m = np.tile((0, 0, 2.0), (15, 1))
-    joints_m[1], joints_m[2] = (0.5, 0, 2.0), (9.0, 0, 2.0)
-    seen = shows(labels, 2, camera, joints_m)
-    assert seen[0] and not seen[1] and not seen[2] and not shows(labels, 1, camera, joints_m).any()

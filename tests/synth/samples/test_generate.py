@@ -2,7 +2,6 @@
 
 import importlib.metadata
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from kpopnet.data.shards import ShardedSet, shard_path
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig
 from synth.motion import MotionConfig
-from synth.samples.observe import Background, ExtractionConfig, FreezeConfig, freeze
+from synth.samples.observe import ExtractionConfig, FreezeConfig, freeze
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.samples.writer import SetConfig, finish, generate, is_finished, write_shard
 from synth.sensor.model import SensorConfig
@@ -105,16 +104,11 @@ def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Pat
     assert shards.kind == "frozen"
     for index in range(len(shards)):
         noisy, expected = shards[index], clean[index]
-        rng, room = np.random.default_rng([3, *b"train", index]), Background(*clean.room(index, expected.room))
+        rng, room = np.random.default_rng([3, *b"train", index]), clean.room(index, expected.room)
         depth_mm, ridge = freeze(expected, room, clean.camera, FREEZE, rng)
         np.testing.assert_array_equal(noisy.joints_camera_m, expected.joints_camera_m)
         np.testing.assert_array_equal(noisy.depth_mm, depth_mm)
         np.testing.assert_array_equal(noisy.ridge, ridge)
-
-
-def test_an_invalid_override_gives_one_error_line(tmp_path: Path) -> None:
-    done = run_program("-m", ROOT, "synth", f"out={tmp_path}", "renderer=cpu", "shards=five")
-    assert done.returncode == 1 and re.fullmatch("error: .*shards=five: give .*0:100.*\n", done.stderr), done.stderr
 
 
 def test_a_cluster_job_writes_a_set(tmp_path: Path) -> None:

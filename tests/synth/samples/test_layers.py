@@ -3,7 +3,7 @@
 import numpy as np
 
 from kpopnet.camera import Camera
-from synth.samples.layers import Around, compose
+from synth.samples.layers import Around, at_joints, compose
 
 CAMERA = Camera(100.0, 100.0, 3.5, 0.0, 8, 1)
 
@@ -38,3 +38,9 @@ def test_others_hide_the_person_and_their_nearest_parts_are_attached() -> None:
     attached = compose(PERSON, ROOM_MM, Around(None, (other,), (0.06,)), CAMERA)
     assert attached.depth_mm.tolist() == [[0, 2000, 2000, 2000, 1950, 0, 1950, 0]]
     assert attached.own_mm.tolist() == hidden.own_mm.tolist()
+
+
+def test_an_image_has_no_value_at_joints_that_are_not_inside_it() -> None:
+    # Pixel 5 of CAMERA lies 3 cm beside the optical axis at 2 m, pixel 8, beyond the image, 9 cm.
+    joints_m = np.array([(0.03, 0, 2), (0.09, 0, 2), (-0.09, 0, 2), (0.03, 0.02, 2), (0.03, 0, -2), (np.nan, np.nan, np.nan)])
+    assert at_joints(ROOM_MM, joints_m, CAMERA).tolist() == [1500, 0, 0, 0, 0, 0]
