@@ -47,7 +47,7 @@ from kpopnet.teacher.live.loop import (
     STEADY_FRAMES,
     STEADY_S,
     CompiledKernels,
-    Learner,
+    Learners,
     load_estimator,
 )
 from kpopnet.tracker.refine import compile_refining
@@ -107,7 +107,7 @@ def answers(images: NewestImage, camera: Camera, estimator: PoseEstimator) -> It
 
     Times are those of `time.monotonic`. Raises InputError if the camera fails.
     """
-    learner, away = Learner(), ""
+    learners, away = Learners(1), ""
     while True:
         image = images.fetch(FRAME_PATIENCE_S)
         if images.away != away:
@@ -117,7 +117,7 @@ def answers(images: NewestImage, camera: Camera, estimator: PoseEstimator) -> It
             before_s = time.process_time()
             people = estimator.update(image.depth_m, camera, image.taken)
             delay_s, processor_s = time.monotonic() - image.taken, time.process_time() - before_s
-            yield Answer(image.taken, delay_s, processor_s, image.depth_m, people, learner.choose(people, image.taken))
+            yield Answer(image.taken, delay_s, processor_s, image.depth_m, people, *learners.choose(people, image.taken))
         elif images.ended:
             if images.error:
                 raise InputError(images.error)
@@ -126,12 +126,12 @@ def answers(images: NewestImage, camera: Camera, estimator: PoseEstimator) -> It
 
 def answers_as_fast(source: DepthSource, estimator: PoseEstimator) -> Iterator[Answer]:
     """The answers to every image of a recording, without waiting; times are since the first one."""
-    learner, first_s = Learner(), None
+    learners, first_s = Learners(1), None
     for time_s, depth_m in source.timed():
         first_s, before_s = time_s if first_s is None else first_s, time.process_time()
         people = estimator.update(depth_m, source.camera, time_s)
         processor_s = time.process_time() - before_s
-        yield Answer(time_s - first_s, np.nan, processor_s, depth_m, people, learner.choose(people, time_s))
+        yield Answer(time_s - first_s, np.nan, processor_s, depth_m, people, *learners.choose(people, time_s))
 
 
 class Collected:
