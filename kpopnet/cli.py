@@ -46,6 +46,11 @@ def main() -> None:
         print(f"kpopnet: there is no program {name}; there are {', '.join(PROGRAMS)}", file=sys.stderr)
         raise SystemExit(2)
     sys.argv = [f"kpopnet {name}", *sys.argv[2:]]
+    run(name)
+
+
+def run(name: str) -> None:
+    """Runs a program of PROGRAMS with the words in sys.argv; one line and exit code 1 if a library is missing."""
     begin_imports()
     try:
         program = importlib.import_module(PROGRAMS[name][0])
