@@ -228,7 +228,7 @@ def checked_sources(given: argparse.Namespace) -> tuple[dict[str, str | Said], C
 def serve(given: argparse.Namespace) -> None:
     """Serves the page until the program is interrupted."""
     from kpopnet.teacher.hosting import host
-    from kpopnet.teacher.server import PROCESSES, Teaching, make_app
+    from kpopnet.teacher.server import Teaching, make_app
     from kpopnet.teacher.tries import Tries
     from synth.dances.live import FAULTS, SKILLS
 
@@ -239,11 +239,7 @@ def serve(given: argparse.Namespace) -> None:
         live = {given.live: opened} if opened else {}
         open_camera = partial(open_source, open_recording, live=live, rotate_deg=given.rotate)
         teaching = Teaching(library, Tries(given.data / TRIES), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
-
-        async def keep_ready(app) -> None:
-            app[PROCESSES].keep_ready()
-
-        host(partial(make_app, teaching), given, "dance at", keep_ready)
+        host(partial(make_app, teaching, ready=True), given, "dance at")
 
 
 def parsed() -> argparse.Namespace:

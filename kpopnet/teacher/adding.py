@@ -21,16 +21,13 @@ from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import MOST_DANCERS, Library, taught_dance
 from kpopnet.teacher.posing import MAX_S, at_rate, posed
 
-OF_LIMBS = (
-    *(Joint.LEFT_ELBOW, Joint.LEFT_HAND, Joint.RIGHT_ELBOW, Joint.RIGHT_HAND),
-    *(Joint.LEFT_KNEE, Joint.LEFT_FOOT, Joint.RIGHT_KNEE, Joint.RIGHT_FOOT),
-)
+IS_OF_LIMB = np.array([joint.name.endswith(("ELBOW", "HAND", "KNEE", "FOOT")) for joint in Joint])
 
 FPS = 30.0
 MIN_S = 5.0
 USUAL_BPM = 120.0
 
-JOINT_ARRAYS = ("joints_m.npy", "keypoints3d.npy", "keypoints3d_optim.npy", "points.npy", "poses.npy")
+JOINT_ARRAYS = {"joints_m.npy", "keypoints3d.npy", "keypoints3d_optim.npy", "points.npy", "poses.npy"}
 """Members of an .npz file that make it a recording of joints."""
 
 NOT_DEPTH = (*JOINT_SUFFIXES, ".pkl", ".pickle")
@@ -72,9 +69,8 @@ def _without_guesses(performance: Performance) -> Performance:
     """A dance without the joints of limbs that are only guessed, as feet that a webcam does not see: the body shows them, but
     no learner is graded by them.
     """
-    joints_m, guessed = performance.joints_m.copy(), performance.confidence < SEEN_CONFIDENCE
-    guessed[:, [joint for joint in Joint if joint not in OF_LIMBS]] = False
-    joints_m[guessed] = np.nan
+    joints_m = performance.joints_m.copy()
+    joints_m[IS_OF_LIMB & (performance.confidence < SEEN_CONFIDENCE)] = np.nan
     return Performance(joints_m, performance.times_s)
 
 
@@ -103,7 +99,7 @@ def holds_depth(path: Path) -> bool:
         return path.is_dir() or path.suffix.lower() not in NOT_DEPTH
     try:
         with zipfile.ZipFile(path) as archive:
-            return not set(JOINT_ARRAYS) & set(archive.namelist())
+            return JOINT_ARRAYS.isdisjoint(archive.namelist())
     except (OSError, zipfile.BadZipFile, ValueError):  # the reader of joints says what is wrong
         return False
 

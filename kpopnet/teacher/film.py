@@ -91,13 +91,13 @@ def write_film(
 def _course(result: dict, dance_s: float) -> tuple[float, float, float, np.ndarray, np.ndarray]:
     """Begin and end in seconds of the dance, speed, times and totals of a try's score."""
     try:
-        begin_s, end_s, speed = float(result["from_s"]), float(result["to_s"]) or dance_s, float(result["speed"])
+        begin_s, end_s, speed = (float(result[name]) for name in ("from_s", "to_s", "speed"))
         scored_s, totals = (np.array(result["course"][name], float) for name in ("time_s", "total"))
-        end_s, known = min(end_s, dance_s), len(scored_s) == len(totals) > 0 and 0.1 <= speed <= 2
+        end_s = min(end_s or dance_s, dance_s)
+        if not (len(scored_s) == len(totals) > 0 and 0.1 <= speed <= 2 and 0 <= begin_s < end_s):
+            raise ValueError
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("this try holds no course of its score; it is damaged") from error
-    if not (known and 0 <= begin_s < end_s):
-        raise InputError("this try holds no course of its score; it is damaged")
     if (end_s - begin_s) / speed > MOST_S:
         raise InputError(Said("films last up to {seconds} s; dance a part of it, or less slowly", seconds=f"{MOST_S:g}"))
     return begin_s, end_s, speed, scored_s, totals

@@ -91,19 +91,17 @@ def host(
     make: Callable[[tuple[str, ...], Keys | None], web.Application],
     given: argparse.Namespace,
     greeting: str,
-    *at_start: Callable[[web.Application], Awaitable[None]],
     out: TextIO | None = None,
     end_s: float = END_S,
 ) -> None:
     """Serves an application until the program is interrupted, and then ends within `end_s` seconds.
 
     `make` makes it from names of this server and keys, as in `safety.guard`; `given` is the command line with the words of
-    `kpopnet.programs.arguments.add_address`; `at_start` is awaited before. Prints `greeting` and the address to `out`, by
-    default the standard output. Raises InputError if the port is taken.
+    `kpopnet.programs.arguments.add_address`. Prints `greeting` and the address to `out`, by default the standard output.
+    Raises InputError if the port is taken.
     """
     keys = None if is_loopback(given.host) else Keys()
     app = make((*LOOPBACK_NAMES, given.host.lower()), keys)
-    app.on_startup.extend(at_start)
     late = threading.Timer(end_s, os._exit, (0,))  # a thread that reads what a page sent would be waited for
     late.daemon = True
     try:
@@ -134,7 +132,8 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
         except OSError as error:
             place = f"--port {given.port}: cannot listen on {given.host}"
             raise InputError(f"{place} ({error.strerror}); choose another port") from error
-        address = _address(given.host, server.sockets[0].getsockname()[1])
+        host = "127.0.0.1" if given.host in ("0.0.0.0", "::") else f"[{given.host}]" if ":" in given.host else given.host
+        address = f"http://{host}:{server.sockets[0].getsockname()[1]}/"
         greet(f"{address}{f'?token={keys.token}' if keys else ''}   (Ctrl+C ends)")
         if not given.no_browser:
             if keys:  # every user of the machine sees what a browser is given: a file leads to the address with the secret
@@ -166,11 +165,6 @@ def _refusing_headers(handler: Callable) -> Callable:
         return await handler(request)
 
     return handle
-
-
-def _address(host: str, port: int) -> str:
-    shown = "127.0.0.1" if host in ("0.0.0.0", "::") else host
-    return f"http://{f'[{shown}]' if ':' in shown else shown}:{port}/"
 
 
 class _Once(logging.Filter):

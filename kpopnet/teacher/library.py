@@ -134,17 +134,15 @@ def difficulty(joints_m: np.ndarray, fps: float) -> int:
     return 1 + int(np.searchsorted(SPEEDS_M_S, known.mean())) if len(known) else 1
 
 
+_MOVED = {"joints_m": ("f", ("T", NUM_JOINTS, 3)), "quats": ("i", ("T", "B", 4)), "hips_m": ("f", ("T", 3))}
+"""The arrays of a dancer: kinds of numbers, and shapes."""
+
 _DANCE_SCHEMAS = {
     "about": ArraySchema("U", ()),
     "fps": ArraySchema("f", ()),
-    "joints_m": ArraySchema("f", ("T", NUM_JOINTS, 3)),
-    "quats": ArraySchema("i", ("T", "B", 4)),
-    "hips_m": ArraySchema("f", ("T", 3)),
-    "others_joints_m": ArraySchema("f", ("D", "T", NUM_JOINTS, 3), False),
-    "others_quats": ArraySchema("i", ("D", "T", "B", 4), False),
-    "others_hips_m": ArraySchema("f", ("D", "T", 3), False),
+    **{name: ArraySchema(kind, shape) for name, (kind, shape) in _MOVED.items()},
+    **{f"others_{name}": ArraySchema(kind, ("D", *shape), False) for name, (kind, shape) in _MOVED.items()},
 }
-_MOVED = ("joints_m", "quats", "hips_m")
 
 
 class Library:
@@ -216,10 +214,8 @@ class Library:
         """Writes a dance; one of that name is replaced."""
         (self.folder / DANCES).mkdir(parents=True, exist_ok=True)
         arrays = {"about": np.array(json.dumps(asdict(dance.about), ensure_ascii=False)), "fps": np.float64(dance.fps)}
-        joints_m, quats, hips_m = (np.stack([getattr(one, name) for one in dance.dancers]) for name in _MOVED)
-        for name, moved in zip(
-            _MOVED, (joints_m.astype(np.float32), stored_quats(quats), hips_m.astype(np.float32)), strict=True
-        ):
+        for name, as_stored in zip(_MOVED, (np.float32, stored_quats, np.float32), strict=True):
+            moved = as_stored(np.stack([getattr(one, name) for one in dance.dancers]))
             arrays |= {name: moved[0], f"others_{name}": moved[1:]}
         with atomic_path(self.folder / DANCES / f"{identity}.npz") as part, part.open("wb") as file:
             np.savez_compressed(file, **arrays)

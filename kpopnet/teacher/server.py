@@ -60,15 +60,21 @@ FILMING: web.AppKey[Filming] = web.AppKey("filming", Filming)
 routes = web.RouteTableDef()
 
 
-def make_app(teaching: Teaching, hosts: tuple[str, ...], keys: Keys | None = None) -> web.Application:
-    """The server's application; `hosts` and `keys` as in `safety.guard`."""
+def make_app(teaching: Teaching, hosts: tuple[str, ...], keys: Keys | None = None, ready: bool = False) -> web.Application:
+    """The server's application; `hosts` and `keys` as in `safety.guard`; `ready`: a process waits for the first lesson."""
     app = page_app("index.html", hosts, keys, MAX_UPLOAD_BYTES)
     app[TEACHING] = teaching
     app[FILMING] = Filming(teaching.library, teaching.tries)
     app[PROCESSES] = LessonProcesses(teaching.open_camera, teaching.checkpoint)
+    if ready:
+        app.on_startup.append(_make_ready)
     app.on_shutdown.append(_end)
     app.add_routes(routes)
     return app
+
+
+async def _make_ready(app: web.Application) -> None:
+    app[PROCESSES].keep_ready()
 
 
 async def _end(app: web.Application) -> None:
