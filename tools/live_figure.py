@@ -15,10 +15,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "helpers"))
 
-from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
-from teacher_page import chromium, started  # noqa: E402
+from teacher_page import chromium, find, started  # noqa: E402
 
-PATIENCE_S, SETTLED_S = 300, 6.0
+SETTLED_S = 6.0
 
 
 def main() -> None:
@@ -35,7 +34,7 @@ def main() -> None:
             scheme = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
             driver.execute_cdp_cmd("Emulation.setEmulatedMedia", scheme)
         driver.get(address)
-        WebDriverWait(driver, PATIENCE_S).until(lambda one: one.find_elements("css selector", "#people li"))
+        find(driver, "#people li")
         time.sleep(SETTLED_S)
         driver.save_screenshot(str(given.out))
 

@@ -14,31 +14,26 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "helpers"))
 
-from selenium.webdriver.support.ui import WebDriverWait  # noqa: E402
-from teacher_page import chromium, resize, started  # noqa: E402
+from teacher_page import chromium, find, reads, resize, started, until  # noqa: E402
 
 FIGURES = ROOT / "docs" / "figures"
 LESSON = "dance/dance_001?go&skill=perfect&fault=left+arm&speed={speed}"
 SHOWN_MOVE = 3
 RESULT_PX = (400, 1720)
-LESSON_S, SETTLED_S = 600, 2.0
-
-
-def text_of(driver, identity: str) -> str:
-    """The text of the element of this identity; "" while there is none."""
-    return "".join(one.text for one in driver.find_elements("id", identity))
+SETTLED_S = 2.0
 
 
 def take(address: str, folder: Path, speed: int) -> None:
     """Holds a lesson and writes teach_stage.png, the dance after a verdict, and teach_result.png."""
     with chromium() as driver:
         driver.get(f"{address}#/{LESSON.format(speed=speed)}")
-        WebDriverWait(driver, LESSON_S, 0.1).until(lambda one: f"move {SHOWN_MOVE}" in text_of(one, "verdict"))
+        reads(driver, "#verdict", f"move {SHOWN_MOVE}")
         driver.save_screenshot(str(folder / "teach_stage.png"))
-        WebDriverWait(driver, LESSON_S).until(lambda one: "/try/" in one.current_url and one.find_elements("id", "history"))
+        until(driver, lambda one: "/try/" in one.current_url)
+        find(driver, "#history")
         resize(driver, RESULT_PX)
         driver.refresh()  # the replay takes the place that it has when it is made
-        WebDriverWait(driver, LESSON_S).until(lambda one: one.find_elements("id", "history"))
+        find(driver, "#history")
         time.sleep(SETTLED_S)
         driver.save_screenshot(str(folder / "teach_result.png"))
 

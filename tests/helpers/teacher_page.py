@@ -2,17 +2,19 @@
 
 import asyncio
 import contextlib
+import importlib.util
 import re
 import shutil
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
+import pytest
 from aiohttp import web
 from aiohttp.test_utils import TestClient, TestServer
 
@@ -25,13 +27,7 @@ from kpopnet.teacher.safety import LOOPBACK_NAMES, Keys
 from kpopnet.teacher.server import Teaching, make_app
 
 DRIVER, BROWSER = shutil.which("chromedriver"), shutil.which("chromium") or shutil.which("google-chrome")
-FLAGS = (
-    "headless=new",
-    "lang=en-US",
-    "no-sandbox",
-    "disable-dev-shm-usage",
-    "enable-unsafe-swiftshader",
-)
+FLAGS = ("headless=new", "lang=en-US", "no-sandbox", "disable-dev-shm-usage", "enable-unsafe-swiftshader")
 FAKE_WEBCAM = ("use-fake-device-for-media-stream", "use-fake-ui-for-media-stream")
 WIDE, NARROW = (1280, 900), (400, 860)
 PATIENCE_S = 480
@@ -132,6 +128,39 @@ def chromium(size: tuple[int, int] = WIDE, webcam: Path | None = None):
     finally:
         with contextlib.suppress(Exception):
             driver.quit()
+
+
+def skip_without_browser() -> None:
+    """Skips the tests of a module where there is no Chromium, or what drives it."""
+    if not (DRIVER and BROWSER and importlib.util.find_spec("selenium")):
+        pytest.skip("no Chromium with its chromedriver, or no selenium, on this machine", allow_module_level=True)
+
+
+def until(driver, condition: Callable[..., Any]) -> Any:
+    """Waits for what a condition gives for the driver to be true; that."""
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    return WebDriverWait(driver, PATIENCE_S, 0.1).until(condition)
+
+
+def find(driver, selector: str):
+    """The first element of a CSS selector, as soon as there is one."""
+    return until(driver, lambda one: one.find_elements("css selector", selector))[0]
+
+
+def reads(driver, selector: str, text: str) -> None:
+    """Waits until an element holds a text."""
+    until(driver, lambda one: text in find(one, selector).text)
+
+
+def overflow_px(driver) -> int:
+    """By how much the page is wider than the window."""
+    return driver.execute_script("return document.documentElement.scrollWidth - document.documentElement.clientWidth")
+
+
+def severe(driver) -> list[str]:
+    """The errors in the browser's log since it was asked for last."""
+    return [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
 
 
 def resize(driver, size: tuple[int, int]) -> None:

@@ -1,28 +1,23 @@
 """The page of a live camera in a real browser: two people, by keys and buttons, unplugged, narrow, and after the program."""
 
 import contextlib
+import re
 
 import cv2
 import numpy as np
 import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
-pytest.importorskip("selenium", reason="selenium is not installed")
 
 from functools import partial
 
 from live_people import open_unsteady_recording, watched, write_recording
-from selenium.webdriver.common.action_chains import ActionChains
-from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, DRIVER, NARROW, chromium, resize, served
+from teacher_page import NARROW, chromium, find, overflow_px, reads, resize, served, severe, skip_without_browser, until
 
 from kpopnet.sources import open_depth
 
-if not (DRIVER and BROWSER):
-    pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
+skip_without_browser()
 
-PATIENCE_S = 120
 PINK, YELLOW = (238, 102, 119), (204, 187, 68)
 
 
@@ -32,7 +27,7 @@ def shows(driver, colours: tuple[tuple[int, int, int], ...]) -> bool:
     pixels = cv2.cvtColor(image, cv2.COLOR_BGR2HSV).astype(int)
     hues = [int(cv2.cvtColor(np.uint8([[colour[::-1]]]), cv2.COLOR_BGR2HSV)[0, 0, 0]) for colour in colours]
     for name in ("depth", "room"):
-        place = driver.find_element(By.ID, name).rect
+        place = driver.find_element("id", name).rect
         top, left = int(place["y"]), int(place["x"])
         panel = pixels[top : top + int(place["height"]), left : left + int(place["width"])]
         for hue in hues:
@@ -46,47 +41,36 @@ def test_two_people_are_seen_recorded_paused_and_lost_and_the_end_of_the_program
     write_recording(tmp_path)
     watching = watched(tmp_path, open_camera=partial(open_unsteady_recording, tmp_path))
     with contextlib.ExitStack() as server, chromium() as driver:
-        address = server.enter_context(served(watching))
+        driver.get(server.enter_context(served(watching)))
+        until(driver, lambda one: len(one.find_elements("css selector", "#people li")) == 2)
+        reads(driver, "#people", "person 1: ")
+        reads(driver, "#people", "person 2: ")
+        reads(driver, "#numbers", "ms from image to joints")
+        until(driver, lambda one: shows(one, (PINK, YELLOW)))
 
-        def until(condition):
-            return WebDriverWait(driver, PATIENCE_S, 0.1).until(condition)
-
-        def text(identity: str) -> str:
-            return driver.find_element(By.ID, identity).text
-
-        def press(key: str) -> None:
-            ActionChains(driver).send_keys(key).perform()
-
-        driver.get(address)
-        until(lambda _: len(driver.find_elements(By.CSS_SELECTOR, "#people li")) == 2)
-        assert "person 1: " in text("people") and "person 2: " in text("people")
-        assert "ms from image to joints" in text("numbers")
-        until(lambda _: shows(driver, (PINK, YELLOW)))
-
-        press("r")
-        until(lambda _: text("record").startswith("Stop recording ("))
-        driver.find_element(By.ID, "joints").click()
-        until(lambda _: text("joints").startswith("Save joints (") and "(0:00)" not in text("joints"))
-        driver.find_element(By.ID, "record").click()
-        press("j")
-        until(lambda _: len(driver.find_elements(By.CSS_SELECTOR, "#said li")) == 2)
-        assert "depth images of" in text("said") and "joints of" in text("said")
+        body = find(driver, "body")
+        body.send_keys("r")
+        reads(driver, "#record", "Stop recording (")
+        find(driver, "#joints").click()
+        until(driver, lambda one: re.match(r"Save joints \((?!0:00)", find(one, "#joints").text))
+        find(driver, "#record").click()
+        body.send_keys("j")
+        until(driver, lambda one: len(one.find_elements("css selector", "#said li")) == 2)
+        reads(driver, "#said", "depth images of")
+        reads(driver, "#said", "joints of")
         (recording,) = (tmp_path / "kept").glob("*.h5")
         assert len(list(open_depth(recording))) > 5 and len(list((tmp_path / "kept").glob("*.npz"))) == 2
 
-        press(" ")
-        until(lambda _: text("pause") == "Go on" and text("told") == "paused")
-        press(" ")
-        until(lambda _: text("pause") == "Pause" and not text("told"))
-
+        for button, told in (("Go on", "paused"), ("Pause", "")):
+            body.send_keys(" ")
+            until(driver, lambda one, wanted=(button, told): (find(one, "#pause").text, find(one, "#told").text) == wanted)
         (tmp_path / "unplugged").touch()
-        until(lambda _: text("told") == "plug the camera in")
+        reads(driver, "#told", "plug the camera in")
         (tmp_path / "unplugged").unlink()
-        until(lambda _: not text("told"))
+        until(driver, lambda one: not find(one, "#told").text)
 
         resize(driver, NARROW)
-        until(lambda _: driver.execute_script("return window.innerWidth") == NARROW[0])
-        assert driver.execute_script("return document.documentElement.scrollWidth - document.documentElement.clientWidth") <= 0
-        assert [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"] == []
+        until(driver, lambda one: one.execute_script("return window.innerWidth") == NARROW[0])
+        assert overflow_px(driver) <= 0 and severe(driver) == []
         server.close()
-        until(lambda _: "does not answer" in text("told"))
+        reads(driver, "#told", "does not answer")

@@ -11,10 +11,8 @@ from dance_learners import arm_lowered
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 pytest.importorskip("selenium", reason="selenium is not installed")
 
-from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
-from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, DRIVER, NARROW, WIDE, chromium, resize, served
+from teacher_page import NARROW, WIDE, chromium, find, overflow_px, reads, resize, served, severe, skip_without_browser, until
 
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
@@ -22,10 +20,7 @@ from kpopnet.dance.scoring import score_dance
 from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.result_page import result_page
 
-if not (DRIVER and BROWSER):
-    pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
-
-PATIENCE_S = 300
+skip_without_browser()
 
 
 @pytest.fixture
@@ -53,16 +48,7 @@ def browser(driver):
     resize(driver, WIDE)
     driver.get_log("browser")
     yield driver
-    severe = [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
-    assert [message for message in severe if "/api/dances/none " not in message] == []  # a test asks for it
-
-
-def until(driver, condition):
-    return WebDriverWait(driver, PATIENCE_S, 0.2).until(condition)
-
-
-def find(driver, selector):
-    return until(driver, lambda one: one.find_elements(By.CSS_SELECTOR, selector))[0]
+    assert [message for message in severe(driver) if "/api/dances/none " not in message] == []  # a test asks for it
 
 
 RECORDER = """
@@ -97,19 +83,15 @@ def latin_words(driver, names) -> list[str]:
     return [one for one in left if re.search("[A-Za-z]{2,}", one)]
 
 
-def overflow_px(driver) -> int:
-    return driver.execute_script("return document.documentElement.scrollWidth - document.documentElement.clientWidth")
-
-
 def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korean(library, address, browser):
     """The simulated learner's left arm hangs; in Korean, whatever is in Latin letters is no text of ours."""
     names = "|".join(library.about(one).name for one in library.identities())
     browser.get(address)
     find(browser, "[data-dance=dance_001]")
-    assert len(browser.find_elements(By.CSS_SELECTOR, ".card")) == 2
-    name = browser.find_element(By.CSS_SELECTOR, "[data-dance=dance_001] b").text
-    browser.find_element(By.ID, "search").send_keys(name)
-    assert len(browser.find_elements(By.CSS_SELECTOR, ".card")) == 1
+    assert len(browser.find_elements("css selector", ".card")) == 2
+    name = browser.find_element("css selector", "[data-dance=dance_001] b").text
+    find(browser, "#search").send_keys(name)
+    assert len(browser.find_elements("css selector", ".card")) == 1
     find(browser, "[data-dance=dance_001]").send_keys(Keys.ENTER)
     find(browser, "#start")
     browser.get(f"{address}#/dance/dance_001?phrase=0&speed=50&skill=perfect&fault=left+arm")
@@ -125,13 +107,13 @@ def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korea
     assert 0 <= float(find(browser, "#result-total b").text) < 80 and "/try/" in browser.current_url
     before = find(browser, "#scrub").get_attribute("value")
     worst.send_keys(Keys.ENTER)
-    until(browser, lambda one: one.find_element(By.ID, "scrub").get_attribute("value") != before)
-    assert len(browser.find_elements(By.CSS_SELECTOR, "#history tr")) == 1
+    until(browser, lambda one: find(one, "#scrub").get_attribute("value") != before)
+    assert len(browser.find_elements("css selector", "#history tr")) == 1
     film = find(browser, "#film")
     film.send_keys(Keys.ENTER)
     until(browser, lambda one: re.search("making the film: [1-9]", find(one, "#film-told").text))
     film.send_keys(Keys.ENTER)
-    until(browser, lambda one: "was cancelled" in find(one, "#film-told").text)
+    reads(browser, "#film-told", "was cancelled")
 
     result = browser.current_url
     browser.get(f"{address}?lang=ko")
@@ -144,14 +126,14 @@ def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korea
         find(browser, shown)
         assert latin_words(browser, names) == [], view
     find(browser, "#language option[value=de]").click()
-    until(browser, lambda one: find(one, "h2").text == "Schwächste Momente")
+    reads(browser, "h2", "Schwächste Momente")
     find(browser, "#language option[value=en]").click()
 
     find(browser, "a.practise").send_keys(Keys.ENTER)
-    until(browser, lambda one: one.find_element(By.ID, "start").text == "Stop")
+    reads(browser, "#start", "Stop")
     assert find(browser, "#practise").get_attribute("value") == "80" and find(browser, "#speed").get_attribute("value") == "75"
     browser.refresh()
-    until(browser, lambda one: one.find_element(By.ID, "start").text == "Stop")
+    reads(browser, "#start", "Stop")
     find(browser, "#start").send_keys(Keys.ENTER)
     assert find(browser, "#start").text == "Start" and find(browser, "#error").text == ""
 
@@ -167,15 +149,15 @@ def test_a_narrow_screen_in_the_dark_and_two_lessons_at_once_and_no_third(addres
         assert (sum(int(value) for value in ground[4:-1].split(",")) < 200) == (theme == "dark")
     for dance in ("dance_001", "dance_002"):
         browser.get(f"{address}#/dance/{dance}?go&loop&skill=nobody")
-        until(browser, lambda one: one.find_element(By.ID, "start").text == "Stop")
+        reads(browser, "#start", "Stop")
         assert overflow_px(browser) <= 0
         browser.refresh()  # takes the lesson up again
-        until(browser, lambda one: one.find_element(By.ID, "start").text == "Stop")
+        reads(browser, "#start", "Stop")
         browser.switch_to.new_window("tab")
     browser.get(f"{address}#/dance/none")
     assert "there is no dance" in find(browser, "[role=alert]").text
     browser.get(f"{address}#/dance/dance_002?go")
-    until(browser, lambda one: "2 dances are going on" in find(one, "#error").text)
+    reads(browser, "#error", "2 dances are going on")
     browser.switch_to.window(browser.window_handles[0])
     assert find(browser, "#start").text == "Stop"
 
@@ -259,12 +241,12 @@ def test_a_dance_follows_the_beats_of_a_song_from_its_one_on_and_pauses_with_it(
     assert find(browser, "#follows").text == "The dance follows it, at 91 % of its own tempo."
     browser.execute_script(SEEN_ALWAYS + "silent = true;")
     find(browser, "#start").send_keys(Keys.ENTER)
-    until(browser, lambda one: one.find_element(By.ID, "begin").is_displayed())
+    until(browser, lambda one: find(one, "#begin").is_displayed())
     find(browser, "#begin").send_keys(Keys.ENTER)
     assert browser.execute_script("return speed") == pytest.approx(1 / 1.1, abs=0.002)
     off_s = "return song.paused ? 99 : song.currentTime - (performance.now() - begin) / 1000"  # song: the element's identity
     until(browser, lambda one: one.execute_script(off_s) == pytest.approx(one_s, abs=0.05))
-    body = browser.find_element(By.TAG_NAME, "body")
+    body = find(browser, "body")
     body.send_keys("p")
     until(browser, lambda one: find(one, "#words").text.startswith("paused") and one.execute_script("return song.paused"))
     body.send_keys("p")  # the dance's second 1 is 1.1 s after the song's one
@@ -276,7 +258,7 @@ def test_a_dance_follows_the_beats_of_a_song_from_its_one_on_and_pauses_with_it(
 def point_at(driver, target: str) -> None:
     """Moves the simulated hand so that the cursor stays in the middle of a field."""
     driver.execute_script("hand = [0.5, 0.48]")  # raised, below the fields, which appear
-    until(driver, lambda one: one.find_elements(By.CSS_SELECTOR, f"#hands:not([hidden]) [data-target='{target}']"))
+    until(driver, lambda one: one.find_elements("css selector", f"#hands:not([hidden]) [data-target='{target}']"))
     x, y = driver.execute_script(
         """const page = document.documentElement, field = document.querySelector(`[data-target="${arguments[0]}"]`);
         const box = field.getBoundingClientRect();
@@ -298,8 +280,8 @@ def test_a_hand_that_points_chooses_starts_and_stops_a_dance_which_a_camera_that
     point_at(browser, "dance_002")
     until(browser, lambda one: one.current_url.endswith("#/dance/dance_002"))
     point_at(browser, "start")
-    until(browser, lambda one: find(one, "#start").text == "Stop")
-    assert not browser.find_element(By.ID, "mirrored").is_enabled()  # the server was told how to score
+    reads(browser, "#start", "Stop")
+    assert not find(browser, "#mirrored").is_enabled()  # the server was told how to score
     browser.execute_script("hand = [0.4, 0.62]")
     until(browser, lambda one: "go" in one.execute_script("return asked"))
     browser.execute_script("hand = [0.4, 0.3]")
@@ -309,13 +291,13 @@ def test_a_hand_that_points_chooses_starts_and_stops_a_dance_which_a_camera_that
         find(browser, "#hands-free").click()
     assert find(browser, "#start").text == "Stop"
     browser.execute_script("silent = true; tell({ kind: 'away', text: 'plug the camera in' })")
-    until(browser, lambda one: find(one, "#guide").text == "plug the camera in")
+    reads(browser, "#guide", "plug the camera in")
     assert find(browser, "#start").text == "Stop" and find(browser, "#error").text == ""
     browser.execute_script("silent = false; tell({ kind: 'back', from_s: 1 })")
     until(browser, lambda one: "resume" in one.execute_script("return asked") and find(one, "#guide").text == "")
-    browser.find_element(By.TAG_NAME, "body").send_keys("p")
+    find(browser, "body").send_keys("p")
     point_at(browser, "stop")
-    until(browser, lambda one: find(one, "#start").text == "Start")
+    reads(browser, "#start", "Start")
     point_at(browser, "next")
     until(browser, lambda one: one.current_url.endswith("#/dance/dance_001"))
     wanted = ["prepare", "go", "resume", "pause", "watch", "stop", "watch"]
@@ -336,7 +318,7 @@ def test_the_page_of_a_score_replays_it_without_a_server(library, browser, tmp_p
     worst = find(browser, "#worst button")
     assert worst.get_attribute("data-part") == "left arm" and overflow_px(browser) <= 0
     assert find(browser, "h1").text == f"a <b>: {score.similarity:.0f} of 100"
-    assert "a note" in find(browser, "#main").text and browser.find_elements(By.CSS_SELECTOR, "a") == []
+    assert "a note" in find(browser, "#main").text and browser.find_elements("css selector", "a") == []
     worst.send_keys(Keys.ENTER)
     until(browser, lambda one: float(find(one, "#scrub").get_attribute("value")) > 0)
     loaded = browser.execute_script("return performance.getEntriesByType('resource').map((one) => one.name)")

@@ -9,22 +9,17 @@ import numpy as np
 import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
-pytest.importorskip("selenium", reason="selenium is not installed")
 
 from programs import tool
-from selenium.webdriver.common.by import By
-from selenium.webdriver.support.ui import WebDriverWait
-from teacher_page import BROWSER, DRIVER, chromium, served
+from teacher_page import chromium, find, served, skip_without_browser, until
 from webcam_films import STAMP_BITS, STAMP_PX, FilmedLearner, write_film
 
 from kpopnet.dance.joint_files.mediapipe import CAMERA, WEBCAM
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.live.webcam import DESCRIPTION, WebcamEstimator, read_seen
 
-if not (DRIVER and BROWSER):
-    pytest.skip("no Chromium with its chromedriver on this machine", allow_module_level=True)
+skip_without_browser()
 
-PATIENCE_S = 300
 FRAMES, REPEATED = 24, 6
 """Frames of the film, and how often each is shown: slow machines drop fewer of them."""
 
@@ -72,18 +67,18 @@ def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(librar
         browser.get(address)
         browser.execute_script("localStorage.setItem('teach.source', JSON.stringify('webcam'))")
         browser.get(f"{address}#/dance/dance_001?speed=25")
-        (start,) = WebDriverWait(browser, PATIENCE_S).until(lambda one: one.find_elements(By.ID, "start"))
-        assert "depth camera adds" in browser.find_element(By.ID, "without-depth").text
+        start = find(browser, "#start")
+        assert "depth camera adds" in find(browser, "#without-depth").text
         browser.execute_script(NOTE_STAMPS)
         start.click()
-        WebDriverWait(browser, PATIENCE_S, 0.2).until(lambda one: one.find_element(By.ID, "so-far").text.isdigit())
+        until(browser, lambda one: find(one, "#so-far").text.isdigit())
         stamps = browser.execute_script("return stamps")
         loaded = browser.execute_script("return performance.getEntriesByType('resource').map((one) => one.name)")
         start.click()
         asked_after = len(heard)
         time.sleep(1)
         assert len(heard) <= asked_after + 1  # a lesson that ends lets go of the webcam
-        assert browser.find_element(By.ID, "error").text == ""
+        assert find(browser, "#error").text == ""
         with closing(socket.create_server(("127.0.0.1", 0))) as other:
             left, refused, policy = browser.execute_async_script(LEAVE, f"http://127.0.0.1:{other.getsockname()[1]}/")
         assert (left, refused) == ("not sent", ["connect-src"])

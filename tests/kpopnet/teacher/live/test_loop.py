@@ -1,9 +1,12 @@
 """The process of a lesson: the newest image, who the learner is, and a camera that vanishes and comes back."""
 
+import contextlib
 import gc
 import multiprocessing
+import queue
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,36 +24,25 @@ from kpopnet.teacher.live.webcam import read_seen
 FPS, LATE_S = 30, 0.2
 
 
-class Counting:
-    """A camera whose images count; it takes one whenever it is allowed to."""
-
-    camera = CAMERAS["kinect_v1"]
-
-    def __init__(self, images: int) -> None:
-        self.allowed, self.taken, self.images = threading.Semaphore(0), 0, images
-
-    def read(self):
-        self.allowed.acquire(timeout=5)
-        if self.taken == self.images:
-            raise OSError("unplugged")
-        self.taken += 1
-        return np.full((2, 2), self.taken, np.float32), time.monotonic()
-
-    def close(self) -> None:
-        self.allowed.release()
-
-
 def test_the_newest_image_wins_and_the_others_are_dropped_and_a_camera_that_fails_is_told():
-    camera = Counting(5)
-    images = NewestImage(camera)
+    coming = queue.SimpleQueue()
+
+    def read():
+        if (number := coming.get()) is None:
+            raise OSError("unplugged")
+        return np.full((2, 2), number, np.float32), time.monotonic()
+
+    images = NewestImage(SimpleNamespace(read=read, close=lambda: None))
     assert gc.get_freeze_count() > 10_000  # what was imported stops no thread: no collection looks at it
-    camera.allowed.release(4)
-    while camera.taken < 4 or images.dropped < 3:
+    for number in range(4):
+        coming.put(number)
+    while images.dropped < 3:
         time.sleep(0.01)
-    assert images.fetch(1.0).depth_m[0, 0] == 4 and images.dropped == 3
+    assert images.fetch(1.0).depth_m[0, 0] == 3
     assert images.fetch(0.01) is None and not images.ended
-    camera.allowed.release(2)
-    assert images.fetch(5.0).depth_m[0, 0] == 5
+    coming.put(4)
+    assert images.fetch(5.0).depth_m[0, 0] == 4
+    coming.put(None)
     while not images.ended:
         time.sleep(0.01)
     assert "unplugged" in images.error
@@ -125,6 +117,19 @@ class Knowing:
         return people[: self.people]
 
 
+@contextlib.contextmanager
+def serving(opener):
+    """A lesson's process as a thread: the connection for its messages."""
+    server, other = multiprocessing.Pipe()
+    thread = threading.Thread(target=loop.serve_lessons, args=(other, opener, None), daemon=True)
+    thread.start()
+    yield server
+    server.send(("stop",))
+    server.send(("quit",))
+    thread.join(20)
+    assert not thread.is_alive()
+
+
 @pytest.fixture
 def held(library, monkeypatch, request):
     """A lesson for a number of learners, that is ready: a connection for its messages, and the camera."""
@@ -137,16 +142,10 @@ def held(library, monkeypatch, request):
     monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: Knowing(dance))
     people = getattr(request, "param", 1)  # whose scores are looked at: slowly, for slow machines
     lesson = Lesson("dance_001", to_s=4.0 if people == 1 else 2.5, people=people, speed=1.0 if people == 1 else 0.25)
-    server, other = multiprocessing.Pipe()
-    thread = threading.Thread(target=loop.serve_lessons, args=(other, opener, None))
-    thread.start()
-    server.send(("prepare", 1, lesson, dance))
-    told(server, "ready")
-    yield server, cameras[0]
-    server.send(("stop",))
-    server.send(("quit",))
-    thread.join(20)
-    assert not thread.is_alive()
+    with serving(opener) as server:
+        server.send(("prepare", 1, lesson, dance))
+        told(server, "ready")
+        yield server, cameras[0]
 
 
 def told(server, kind: str, frames: list | None = None) -> dict:
@@ -201,24 +200,18 @@ def test_each_picture_of_a_webcam_is_used_when_it_comes(library, monkeypatch):
     monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: None)
     monkeypatch.setattr(loop, "FRAME_PATIENCE_S", 1000.0)
     monkeypatch.setattr(loop, "NOBODY_PATIENCE_S", 0.0)
-    server, other = multiprocessing.Pipe()
-    thread = threading.Thread(target=loop.serve_lessons, args=(other, None, None), daemon=True)
-    thread.start()
-    server.send(("prepare", 1, Lesson("dance_001", source=WEBCAM, to_s=4.0), library.dance("dance_001")))
     seen, kinds = read_seen({"points": [], "age_ms": 0.0}), []
-    while "ready" not in kinds:
-        server.send(("see", seen))
-        kinds += [server.recv()[1]] if server.poll(0.2) else []
-        assert "error" not in kinds
-    for _ in range(5):
-        while server.poll(0.5):  # of pictures before
-            server.recv()
-        server.send(("see", seen))
-        assert server.poll(20) and server.recv()[1] == "frame"
-    server.send(("stop",))
-    server.send(("quit",))
-    thread.join(20)
-    assert not thread.is_alive()
+    with serving(None) as server:
+        server.send(("prepare", 1, Lesson("dance_001", source=WEBCAM, to_s=4.0), library.dance("dance_001")))
+        while "ready" not in kinds:
+            server.send(("see", seen))
+            kinds += [server.recv()[1]] if server.poll(0.2) else []
+            assert "error" not in kinds
+        for _ in range(5):
+            while server.poll(0.5):  # of pictures before
+                server.recv()
+            server.send(("see", seen))
+            assert server.poll(20) and server.recv()[1] == "frame"
 
 
 @pytest.mark.parametrize("held", [2], indirect=True)

@@ -69,8 +69,7 @@ def test_the_result_names_the_part_that_was_wrong_and_of_a_perfect_dance_none(li
     still = Performance(np.broadcast_to(teacher.joints_m[:1], teacher.joints_m.shape), teacher.times_s)
     result = try_result(score_dance(still, still), lesson, unknown, notes)
     assert result["total"] > 99 and result["weights"] == {} and "could not be measured" in result["hints"][0]
-    learner_m = arm_lowered(teacher.joints_m, "left", 60)
-    score = score_dance(teacher, Performance(learner_m, teacher.times_s))
+    score = score_dance(teacher, Performance(arm_lowered(teacher.joints_m, "left", 60), teacher.times_s))
     assert "left arm" in latest_words(score)
     result = try_result(score, lesson, dance.about, notes)
     assert result["worst"][0]["part"] == "left arm" and min(result["parts"], key=result["parts"].get) == "left arm"
