@@ -136,6 +136,16 @@ def set_segment(segments, k, rows, radii):
 
 
 @njit(cache=True)
+def axis_point(segments, k, along):
+    """x, y, z of the point at position `along` (0..1) on the axis of part k."""
+    return (
+        segments[k, 0] + along * segments[k, 3],
+        segments[k, 1] + along * segments[k, 4],
+        segments[k, 2] + along * segments[k, 5],
+    )
+
+
+@njit(cache=True)
 def signed_distance(segments, k, x, y, z):
     """Signed distance of a point to the surface of part k, its position along the axis in 0..1, its distance to the axis."""
     return cone_signed_distance(

@@ -30,7 +30,6 @@ NEAR_TRUNK = np.isin(np.arange(NUM_JOINTS), [*TRUNK, Joint.RIGHT_ELBOW, Joint.LE
 LOST_FRAMES, WIDER = 5, 2.0
 """Joints lost for more than `LOST_FRAMES` frames are looked for `WIDER` times as far."""
 
-
 EPSILON_R = 0.55
 """Largest circle ratio of ridge data, Eq. (2). With the paper's 0.3 almost no pixel is left (`kpopnet.ridge`)."""
 
@@ -40,8 +39,8 @@ SUFFICIENT = 3
 
 def repaired(printed: Plan, state: State, model: HumanModel) -> Plan:
     """The plan with every repair, after `state`, for the person of the model; raw depth is sampled once per cell."""
-    body, distance_m = body_from_model(model), _with_head_to_shoulders(printed.distance_m, model)
-    distance_m, head_to_shoulder_line_m = _with_arms_as_in(state.joints, distance_m, model, body)
+    body = body_from_model(model)
+    distance_m, head_to_shoulder_line_m = _lengths_in(state.joints, printed.distance_m, model, body)
     return printed._replace(
         # No velocity in Eq. (3), which feeds the noise of every joint back undamped: 10 points.
         predicted=state.joints.copy(),
@@ -61,39 +60,22 @@ def repaired(printed: Plan, state: State, model: HumanModel) -> Plan:
 
 def joint_depth_m(radii_m: np.ndarray) -> np.ndarray:
     """(15,) the smallest radius of the parts that end at each joint, the ribs' for the torso, from (P, 2) radii in metres."""
-    depth_m = np.full(NUM_JOINTS, np.inf)
-    for ends, radii in zip(PARTS, radii_m, strict=True):
-        for row, radius in zip(ends, radii, strict=True):
-            joint = TORSO if row == RIGHT_RIBS else row
-            if joint < NUM_JOINTS:
-                depth_m[joint] = min(depth_m[joint], radius)
+    depth_m, joints = np.full(NUM_JOINTS, np.inf), np.where(PARTS == RIGHT_RIBS, TORSO, PARTS)
+    is_joint = joints < NUM_JOINTS
+    np.minimum.at(depth_m, joints[is_joint], radii_m[is_joint])
     return depth_m
 
 
-def _with_head_to_shoulders(distance_m: np.ndarray, model: HumanModel) -> np.ndarray:
-    """(15, 15) distances with those from head to shoulders, by the model's angles, which no equation uses: 31 points.
+def _lengths_in(joints_m: np.ndarray, printed_m: np.ndarray, model: HumanModel, body: Body) -> tuple[np.ndarray, float]:
+    """(15, 15) distances and l_H⊥S of a person in the pose of (15, 3) joints, from the (15, 15) distances as printed.
 
-    Without them both shoulders may slide along their line in Eq. (6).
-    """
-    distance_m = distance_m.copy()
-    for shoulder, to_torso_m, angle_rad in (
-        (RIGHT_SHOULDER, model.right_shoulder_to_torso_m, model.right_shoulder_angle_rad),
-        (LEFT_SHOULDER, model.left_shoulder_to_torso_m, model.left_shoulder_angle_rad),
-    ):
-        a_m, b_m = model.head_to_torso_m, to_torso_m
-        opposite_m = math.sqrt(a_m**2 + b_m**2 - 2 * a_m * b_m * math.cos(angle_rad))
-        distance_m[HEAD, shoulder] = distance_m[shoulder, HEAD] = opposite_m
-    return distance_m
-
-
-def _with_arms_as_in(joints_m: np.ndarray, distance_m: np.ndarray, model: HumanModel, body: Body) -> tuple[np.ndarray, float]:
-    """(15, 15) distances and l_H⊥S with shoulders as high as the arms of (15, 3) joints are raised: 4 points.
-
-    Arms lift the shoulders by 5 cm in the Y pose. The distances of the shoulders to torso and hips change as those of simulated
-    dancers (kpopnet.geometry.body); what the line of the shoulders goes up it comes nearer to the head.
+    The distances from head to shoulders are added, by the model's angles, which no equation uses: 31 points. Without them both
+    shoulders may slide along their line in Eq. (6). And shoulders are as high as the arms are raised: 4 points. Arms lift the
+    shoulders by 5 cm in the Y pose. The distances of the shoulders to torso and hips change as those of simulated dancers
+    (kpopnet.geometry.body); what the line of the shoulders goes up it comes nearer to the head.
     """
     up = joints_m[RIGHT_SHOULDER] + joints_m[LEFT_SHOULDER] - joints_m[RIGHT_HIP] - joints_m[LEFT_HIP]
-    distance_m, rise_m = distance_m.copy(), np.zeros(2)
+    distance_m, rise_m = printed_m.copy(), np.zeros(2)
     for (a, b), arm, gain_m in zip(body.pairs, body.elevating_arm, body.elevation_gain_m, strict=True):
         if arm < 0:
             continue
@@ -105,9 +87,13 @@ def _with_arms_as_in(joints_m: np.ndarray, distance_m: np.ndarray, model: HumanM
             distance_m[b, a] += change_m
         if TORSO in (a, b):
             rise_m[arm] = change_m
-    line_m = model.head_to_shoulder_line_m
-    for shoulder in (RIGHT_SHOULDER, LEFT_SHOULDER):
-        nearer_m = line_m - rise_m[shoulder - RIGHT_SHOULDER]
-        squared = distance_m[HEAD, shoulder] ** 2 - line_m**2 + nearer_m**2
+    line_m, a_m = model.head_to_shoulder_line_m, model.head_to_torso_m
+    for arm, b_m, angle_rad in (
+        (0, model.right_shoulder_to_torso_m, model.right_shoulder_angle_rad),
+        (1, model.left_shoulder_to_torso_m, model.left_shoulder_angle_rad),
+    ):
+        to_head_m = math.sqrt(a_m**2 + b_m**2 - 2 * a_m * b_m * math.cos(angle_rad))
+        squared = to_head_m**2 - line_m**2 + (line_m - rise_m[arm]) ** 2
+        shoulder = RIGHT_SHOULDER + arm
         distance_m[HEAD, shoulder] = distance_m[shoulder, HEAD] = math.sqrt(max(squared, 0.0))
     return distance_m, line_m - rise_m.mean()

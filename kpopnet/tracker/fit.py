@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from kpopnet.geometry.body import COLLISION_PAIRS, LIMBS, PARTS, ROW_TO_JOINT, TORSO_JOINTS, Body
-from kpopnet.geometry.cones import body_segments, nearest_parts, signed_distance, torso_frame
+from kpopnet.geometry.cones import axis_point, body_segments, nearest_parts, signed_distance, torso_frame
 from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
@@ -149,11 +149,7 @@ def free_space_violation(segments, k, along, depth, nearest, intrinsics):
     vector away from the camera. The arrays of the grid come one by one: a NamedTuple of them would double the time of a fit.
     """
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
-    x, y, z = (
-        segments[k, 0] + along * segments[k, 3],
-        segments[k, 1] + along * segments[k, 4],
-        segments[k, 2] + along * segments[k, 5],
-    )
+    x, y, z = axis_point(segments, k, along)
     if z < MIN_Z_M:
         return 0.0, 0.0, 0.0, False
     u, v = int(np.rint(x * fx / z + cx)), int(np.rint(y * fy / z + cy))
@@ -250,11 +246,7 @@ COLLISION_SAMPLES = 3
 @njit(cache=True)
 def penetration(segments, lower_part, other, along):
     """Depth (m) beyond the tolerance of a point on the axis of `lower_part` inside part `other`, and the way out (3,)."""
-    x, y, z = (
-        segments[lower_part, 0] + along * segments[lower_part, 3],
-        segments[lower_part, 1] + along * segments[lower_part, 4],
-        segments[lower_part, 2] + along * segments[lower_part, 5],
-    )
+    x, y, z = axis_point(segments, lower_part, along)
     distance, t, axis_distance = signed_distance(segments, other, x, y, z)
     depth = -PENETRATION_TOLERANCE_M - distance
     if depth <= 0:
