@@ -98,25 +98,6 @@ def test_a_detector_is_queried_at_high_cost_and_accepted_if_it_fits(dancer) -> N
     idle.estimate.assert_not_called()
 
 
-def test_a_mirrored_image_gives_mirrored_joints(dancer) -> None:
-    """Not exact: a cell's middle column may be another one in the mirror image; and right is processed first."""
-    joints, depth = dancer
-    mirror = np.array((-1, 1, 1))
-    mirrored, _ = tracked(Tracker(CAMERA.mirrored()), np.ascontiguousarray(depth[..., ::-1]), (joints[0] * mirror)[MIRROR])
-    plain, _ = tracked(Tracker(CAMERA), depth, joints[0])
-    difference = error_m((mirrored * mirror)[:, MIRROR], plain)
-    assert difference.mean() < 0.02 and np.quantile(difference, 0.95) < 0.06
-
-
-def test_a_person_who_leaves_and_returns_is_tracked_again(dancer) -> None:
-    joints, depth = dancer
-    back = joints[4:] + np.array((0.7, 0, 0))
-    sequence = np.concatenate([depth[:4], np.repeat(EMPTY[None], 10, axis=0), filmed(back, CAMERA)])
-    found, confidence = tracked(Tracker(CAMERA), sequence, joints[0])
-    assert np.isnan(found[4:14]).all() and not confidence[4:14].any()
-    assert np.isfinite(found[14:]).all() and error_m(found[-1], back[-1]).mean() < 0.05
-
-
 @pytest.mark.parametrize("away", [0, 12], ids=["images missing", "hidden"])
 @pytest.mark.parametrize("aside_m", [0.5, 0.7, 1.2])
 def test_who_comes_back_out_of_reach_of_the_last_pose_is_tracked_there(aside_m: float, away: int) -> None:
