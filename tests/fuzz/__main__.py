@@ -6,7 +6,7 @@
     python -m tests.fuzz --format bvh --only 1234           # one case again
 
 Prints a table. Exit code 1 where anything came out but success or an InputError of one line in time and memory, with the input
-as it was and nothing else touched (`fuzz.child` judges); or where a planted fault was missed.
+as it was and nothing else touched (`fuzz.runner` judges); or where a planted fault was missed.
 """
 
 import argparse

@@ -20,10 +20,10 @@ from shard_sets import write_shard
 from vmd_files import write_vmd
 from y_people import y_joints
 
-from fuzz.deeds import DEED_BYTES, perform
-from fuzz.traps import SECRET
+from fuzz.hostile import DEED_BYTES, SECRET, perform
 from kpopnet.dance.joint_files.points import COCO_NAMES
 from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.joint_files.writing import write_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.dances.dance_set import KpopSet
@@ -41,7 +41,6 @@ class Format(NamedTuple):
     """A file format."""
 
     make: Callable[[Path], object]  # writes a valid example into an empty folder
-    files: tuple[str, ...]  # patterns of the files to mutate, below the folder
     read: Callable[[Path], list[np.ndarray]]  # as a program does; raises InputError where the example is invalid
     every: int = 1  # of how many cases one is run, where a case is expensive
     # whether only its owner has it on the disk, and it is read in the program's own process: bytes in the structures of HDF5
@@ -73,7 +72,7 @@ def make_vmd(folder: Path) -> None:
 
 
 def make_joint_map(folder: Path) -> None:
-    np.save(folder / "a.npy", y_joints(20)[None].repeat(5, axis=0))
+    np.save(folder / "a.npy", joints(5))
     write_json(folder, {joint.name.lower(): [int(joint)] for joint in Joint if joint != Joint.TORSO}, "map.json")
 
 
@@ -90,15 +89,10 @@ def parts(performance: Performance) -> list[np.ndarray]:
 
 
 def read_depth(folder: Path) -> list[np.ndarray]:
-    files = sorted(folder.iterdir())
-    paths = [folder] if files[0].suffix in (".png", ".tif", ".json") else files
+    paths = [folder] if any(folder.glob("*.[pt]*")) else folder.iterdir()
     return [
         part for path in paths for one in open_depth(path, DEPTH_CAMERA).timed() for part in (one.depth_m, np.array(one.time_s))
     ]
-
-
-def make_azure_recording(folder: Path) -> None:
-    write_azure_kinect(folder / "a.mkv", np.tile(depth_mm(2), (1, 6, 5)), ("IR", "DEPTH"))
 
 
 def read_recording(folder: Path) -> list[np.ndarray]:
@@ -111,62 +105,33 @@ def make_tum(folder: Path) -> None:
     (write_tum(folder, depth_mm(2)) / "camera.json").write_text(json.dumps(vars(DEPTH_CAMERA)))
 
 
-def make_scannet(folder: Path) -> None:
-    write_scannet(folder, depth_mm(2))
-
-
-def make_csv(folder: Path) -> None:
-    header = ["time_s", *(f"{name}_{axis}" for name in COCO_NAMES for axis in ("x", "y", "z", "confidence"))]
-    rows = [[k / 30, *np.append(frame, np.ones((17, 1)), axis=1).round(3).ravel()] for k, frame in enumerate(coco()[:5])]
-    (folder / "a.csv").write_text("\n".join([",".join(header), *(",".join(map(str, row)) for row in rows)]))
-
-
-def make_named_json(folder: Path) -> None:
-    frames = [
-        {"time_s": k / 30, "joints": dict(zip(COCO_NAMES, frame.tolist(), strict=True))} for k, frame in enumerate(coco()[:3])
-    ]
-    (folder / "a.json").write_text(json.dumps({"frames": frames}))
-
-
 def make_azure_json(folder: Path) -> None:
     bodies = [[{"body_id": 1, "joint_positions": (1000 * frame).tolist()}] for frame in coco()[:3]]
     frames = [{"timestamp_usec": 33_333 * k, "bodies": body} for k, body in enumerate(bodies)]
-    (folder / "a.json").write_text(json.dumps({"joint_names": COCO_NAMES, "frames": frames}))
-
-
-def make_points(folder: Path) -> None:
-    np.savez(folder / "a.npz", points=coco(), names=np.array(COCO_NAMES), fps=30.0, confidence=np.ones((FRAMES, 17)))
-
-
-def make_joints(folder: Path) -> None:
-    np.savez(folder / "a.npz", joints_m=joints(5), times_s=np.arange(5) / 30, confidence=np.ones((5, 15)))
-
-
-def make_amass(folder: Path) -> None:
-    np.savez(folder / "a.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)), mocap_framerate=30.0)
-
-
-def make_compressed_bag(folder: Path) -> None:
-    write_ros(folder / "a.bag", depth_mm(3), {f"{TOPIC}/compressedDepth": "32FC1; compressedDepth png"})
-
-
-def make_camera(folder: Path) -> None:
-    write_json(folder, {"fx": 570, "fy": 570, "cx": 320, "cy": 240, "width": 640, "height": 480})
-
-
-def make_realsense_camera(folder: Path) -> None:
-    camera = {"width": 640, "height": 480, "ppx": 321.2, "ppy": 238.9, "fx": 387.1, "fy": 387.1, "coeffs": [0.1, 0, 0, 0, 0]}
-    write_json(folder, {"depth_intrinsics": camera})
-
-
-def make_azure_camera(folder: Path) -> None:
-    lens = {"ModelParameters": [0.5, 0.5, 0.49, 0.49, *[0.0] * 10]}
-    depth = {"Purpose": "CALIBRATION_CameraPurposeDepth", "Intrinsics": lens}
-    write_json(folder, {"CalibrationInformation": {"Cameras": [depth]}})
+    write_json(folder, {"joint_names": COCO_NAMES, "frames": frames})
 
 
 def write_json(folder: Path, content: object, name: str = "a.json") -> None:
     (folder / name).write_text(json.dumps(content))
+
+
+def as_npz(**arrays) -> Callable[[Path], None]:
+    return lambda folder: np.savez(folder / "a.npz", **arrays)
+
+
+def as_json(content: object) -> Callable[[Path], None]:
+    return lambda folder: write_json(folder, content)
+
+
+def as_bag(*given) -> Callable[[Path], object]:
+    return lambda folder: write_ros(folder / given[0], depth_mm(3), *given[1:])
+
+
+CAMERA = {"fx": 570, "fy": 570, "cx": 320, "cy": 240, "width": 640, "height": 480}
+REALSENSE = {"width": 640, "height": 480, "ppx": 321.2, "ppy": 238.9, "fx": 387.1, "fy": 387.1, "coeffs": [0.1, 0, 0, 0, 0]}
+LENS = {"ModelParameters": [0.5, 0.5, 0.49, 0.49, *[0.0] * 10]}
+AZURE_MM = np.tile(depth_mm(2), (1, 6, 5))
+AZURE = {"Cameras": [{"Purpose": "CALIBRATION_CameraPurposeDepth", "Intrinsics": LENS}]}
 
 
 def read_a_camera(folder: Path) -> list[np.ndarray]:
@@ -194,7 +159,7 @@ def make_dances(folder: Path) -> None:
     recording = PackedDepth(DEPTH_CAMERA)
     for image in depth_mm(5):
         recording.add(image[:20, :20], 3, 4)
-    write_teacher(folder / "mama", Performance(joints(5), np.arange(5) / 30))
+    write_teacher(folder / "mama", DANCE)
     write_learner(folder / "mama", "jin", np.arange(5) / 30, joints(5), recording, {"level": "best"})
     write_learner(folder / "mama", "ann", np.arange(5) / 30, joints(5))
     write_labels(folder / "mama", ["jin", "ann"])
@@ -226,16 +191,16 @@ def read_taught(folder: Path) -> list[np.ndarray]:
 
 
 def make_names(folder: Path) -> None:
-    """A try of a dance, its names as a request of the page gives them, and the same outside of the folder."""
+    """The names of a dance and a try, as a request of the page gives them; the try, and one of that name elsewhere."""
     write_json(folder, {"dance": "own_001", "name": TRY}, "names.json")
-    for place, total in ((folder / "tries" / "own_001", 80.0), (folder.parent / "outside", SECRET)):
+    for place, total in ((folder.parent / "tries" / "own_001", 80.0), (folder.parent / "outside", SECRET)):
         place.mkdir(parents=True, exist_ok=True)
         write_json(place, {"total": total}, f"{TRY}.json")
 
 
 def read_names(folder: Path) -> list[np.ndarray]:
     names = json.loads((folder / "names.json").read_text())
-    return [np.array(Tries(folder / "tries").result(names["dance"], names["name"])["total"])]
+    return [np.array(Tries(folder.parent / "tries").result(names["dance"], names["name"])["total"])]
 
 
 def make_checkpoint(folder: Path) -> None:
@@ -245,10 +210,7 @@ def make_checkpoint(folder: Path) -> None:
 
     network = build_network(SMALL)
     state = {"step": 1, "weights": network.state_dict(), "best_cm": 3.0}
-    saved = save_untrained(folder / "run", network=network, state=state)
-    for file in saved.iterdir():
-        file.rename(folder / file.name)
-    shutil.rmtree(folder / "run")
+    shutil.copytree(save_untrained(folder.parent / "run", network=network, state=state), folder, dirs_exist_ok=True)
 
 
 def read_checkpoint(folder: Path) -> list[np.ndarray]:
@@ -265,46 +227,49 @@ def read_deed(folder: Path) -> list[np.ndarray]:
     return [np.array(read_in_child(perform, folder / "deed.json", seconds=2, memory_bytes=DEED_BYTES))]
 
 
+DANCE = Performance(joints(5), np.arange(5) / 30)
 TRY = "20260101-120000-000"
 
 FORMATS = {
-    "bvh": Format(lambda folder: write_bvh(folder / "a.bvh", still(40)), ("*.bvh",), read_dance),
-    "gltf": Format(make_gltf, ("*",), read_dance),
-    "vmd": Format(make_vmd, ("*.vmd",), read_dance),
-    "c3d": Format(lambda folder: write_c3d(folder / "a.c3d", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance),
-    "trc": Format(lambda folder: write_trc(folder / "a.trc", 1000 * coco()[:5], COCO_NAMES), ("*",), read_dance),
-    "joint_map": Format(make_joint_map, ("*",), read_mapped),
-    "joints_npz": Format(make_joints, ("*.npz",), read_dance),
-    "amass_npz": Format(make_amass, ("*.npz",), read_dance),
-    "points_npz": Format(make_points, ("*.npz",), read_dance),
-    "named_json": Format(make_named_json, ("*.json",), read_dance),
-    "azure_json": Format(make_azure_json, ("*.json",), read_dance),
-    "joints_csv": Format(make_csv, ("*.csv",), read_dance),
-    "camera": Format(make_camera, ("*.json",), read_a_camera),
-    "realsense_camera": Format(make_realsense_camera, ("*.json",), read_a_camera),
-    "azure_camera": Format(make_azure_camera, ("*.json",), read_a_camera),
-    "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), ("*.png",), read_depth),
-    "depth_tif": Format(lambda folder: write_pngs(folder, depth_mm(2), ".tif"), ("*.tif",), read_depth),
-    "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), ("*.npz",), read_depth),
-    "depth_npy": Format(lambda folder: np.save(folder / "a.npy", depth_mm(3)), ("*.npy",), read_depth),
-    "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(6), chunk=2), ("*.h5",), read_depth),
-    "depth_video": Format(lambda folder: write_video(folder / "a.mkv", depth_mm(3)), ("*.mkv",), read_depth),
-    "depth_sent": Format(lambda folder: write_sent(folder / "a.depth", depth_mm(3)), ("*.depth",), read_depth),
-    "azure_recording": Format(make_azure_recording, ("*.mkv",), read_recording),
-    "ros1_bag": Format(lambda folder: write_ros(folder / "a.bag", depth_mm(3)), ("*.bag",), read_recording),
-    "ros1_compressed": Format(make_compressed_bag, ("*.bag",), read_recording),
-    "ros2_db3": Format(lambda folder: write_ros(folder / "a.db3", depth_mm(3)), ("*.db3",), read_recording),
-    "ros2_mcap": Format(lambda folder: write_ros(folder / "a.mcap", depth_mm(3)), ("*.mcap",), read_recording),
-    "stray_scanner": Format(lambda folder: write_stray(folder, depth_mm(2)), ("*.csv", "*/*.png"), read_recording),
-    "record3d": Format(lambda folder: write_record3d(folder / "a.r3d", depth_mm(2)), ("*.r3d",), read_recording),
-    "tum": Format(make_tum, ("*.txt", "depth/*.png"), read_recording),
-    "scannet": Format(make_scannet, ("*.txt", "*.pgm"), read_recording),
-    "shards": Format(make_set, ("*.h5",), read_set, is_own=True),
-    "kpop_set": Format(make_dances, ("*/*.h5", "*/*.csv", "*.json"), read_dances, is_own=True),
-    "library": Format(make_taught, ("*/*.npz",), read_taught),
-    "names": Format(make_names, ("names.json",), read_names, every=5),
-    "checkpoint": Format(make_checkpoint, ("*",), read_checkpoint),
-    "child": Format(lambda folder: write_json(folder, {"do": "answer"}, "deed.json"), ("deed.json",), read_deed, every=50),
+    "bvh": Format(lambda folder: write_bvh(folder / "a.bvh", still(40)), read_dance),
+    "gltf": Format(make_gltf, read_dance),
+    "vmd": Format(make_vmd, read_dance),
+    "c3d": Format(lambda folder: write_c3d(folder / "a.c3d", 1000 * coco()[:5], COCO_NAMES), read_dance),
+    "trc": Format(lambda folder: write_trc(folder / "a.trc", 1000 * coco()[:5], COCO_NAMES), read_dance),
+    "joint_map": Format(make_joint_map, read_mapped),
+    "joints_npz": Format(lambda folder: write_performance(folder / "a.npz", DANCE), read_dance),
+    "amass_npz": Format(as_npz(poses=np.zeros((5, 72)), trans=np.zeros((5, 3)), mocap_framerate=30.0), read_dance),
+    "points_npz": Format(
+        as_npz(points=coco(), names=np.array(COCO_NAMES), fps=30.0, confidence=np.ones((FRAMES, 17))), read_dance
+    ),
+    "named_json": Format(lambda folder: write_performance(folder / "a.json", DANCE), read_dance),
+    "azure_json": Format(make_azure_json, read_dance),
+    "joints_csv": Format(lambda folder: write_performance(folder / "a.csv", DANCE), read_dance),
+    "camera": Format(as_json(CAMERA), read_a_camera),
+    "realsense_camera": Format(as_json({"depth_intrinsics": REALSENSE}), read_a_camera),
+    "azure_camera": Format(as_json({"CalibrationInformation": AZURE}), read_a_camera),
+    "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), read_depth),
+    "depth_tif": Format(lambda folder: write_pngs(folder, depth_mm(2), ".tif"), read_depth),
+    "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), read_depth),
+    "depth_npy": Format(lambda folder: np.save(folder / "a.npy", depth_mm(3)), read_depth),
+    "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(6), chunk=2), read_depth),
+    "depth_video": Format(lambda folder: write_video(folder / "a.mkv", depth_mm(3)), read_depth),
+    "depth_sent": Format(lambda folder: write_sent(folder / "a.depth", depth_mm(3)), read_depth),
+    "azure_recording": Format(lambda folder: write_azure_kinect(folder / "a.mkv", AZURE_MM, ("IR", "DEPTH")), read_recording),
+    "ros1_bag": Format(as_bag("a.bag"), read_recording),
+    "ros1_compressed": Format(as_bag("a.bag", {f"{TOPIC}/compressedDepth": "32FC1; compressedDepth png"}), read_recording),
+    "ros2_db3": Format(as_bag("a.db3"), read_recording),
+    "ros2_mcap": Format(as_bag("a.mcap"), read_recording),
+    "stray_scanner": Format(lambda folder: write_stray(folder, depth_mm(2)), read_recording),
+    "record3d": Format(lambda folder: write_record3d(folder / "a.r3d", depth_mm(2)), read_recording),
+    "tum": Format(make_tum, read_recording),
+    "scannet": Format(lambda folder: write_scannet(folder, depth_mm(2)), read_recording),
+    "shards": Format(make_set, read_set, is_own=True),
+    "kpop_set": Format(make_dances, read_dances, is_own=True),
+    "library": Format(make_taught, read_taught),
+    "names": Format(make_names, read_names, every=5),
+    "checkpoint": Format(make_checkpoint, read_checkpoint),
+    "child": Format(lambda folder: write_json(folder, {"do": "answer"}, "deed.json"), read_deed, every=50),
 }
 """What strangers send, to `scannet`; then what lies on one's own disk, or comes as a request. `child` is no format: its
-files say what a parser does to the process that reads for us (`fuzz.deeds`)."""
+files say what a parser does to the process that reads for us (`fuzz.hostile.perform`)."""
