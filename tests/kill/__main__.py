@@ -143,9 +143,8 @@ def differences(found: Any, expected: Any) -> str:
         names = sorted(name for name in found.keys() | expected.keys() if found.get(name) != expected.get(name))
         return ", ".join(f"{name}: {differences(found.get(name), expected.get(name))}" for name in names)
     if isinstance(found, list) and isinstance(expected, list):
-        more, fewer = ([one for one in a if one not in b] for a, b in ((found, expected), (expected, found)))
-        return f"too many: {str(more)[:200]}, missing: {str(fewer)[:200]}"
-    return f"{str(found)[:60]} against {str(expected)[:60]}"
+        found, expected = [one for one in found if one not in expected], [one for one in expected if one not in found]
+    return f"{str(found)[:200]} against {str(expected)[:200]}"
 
 
 def judge(name: str, kinds: list[str], kills: int, seed: int, folder: Path) -> str:

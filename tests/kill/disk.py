@@ -44,7 +44,7 @@ class Disk:
     def operations(self) -> int:
         """How many operations the program has done since `begin`."""
         count = self.shadow / "count"
-        return int(count.read_text() or 0) if count.exists() else 0
+        return count.stat().st_size if count.exists() else 0
 
     def fail(self, rng: random.Random) -> None:
         """Replaces the folder, in which no process works any more, by what is left of it."""

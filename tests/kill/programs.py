@@ -21,6 +21,8 @@ ROOT = Path(__file__).parents[2]
 CHANGING = ("git", "packages", "files", "seconds", "fps", "made")
 """Parts of metrics.json that are about the run and not about its result."""
 
+NOTHING = [sys.executable, "-c", ""]
+"""Goes on with a run that is done."""
 
 LEARNER = {"joints_m": ArraySchema("f", ("T", 15, 3))}
 
@@ -80,7 +82,7 @@ def train(folder: Path) -> Program:
             raise RuntimeError(f"the checkpoint of step {told[-1]} was lost: {checkpoint} is of step {step}")
         if checkpoint:
             if step == 12:  # killed after its last checkpoint
-                return [sys.executable, "-c", ""]
+                return NOTHING
             return [sys.executable, "train.py", f"training.resume={checkpoint}"]
         return [sys.executable, "train.py", *settings, f"hydra.run.dir={run}"]
 
@@ -113,7 +115,7 @@ def evaluate(folder: Path) -> Program:
 
     def command(run: Path) -> list[str]:
         if (run / "metrics.json").exists():  # its last file: the report is done, and evaluate.py refuses to replace it
-            return [sys.executable, "-c", ""]
+            return NOTHING
         return [sys.executable, "evaluate.py", *settings, f"hydra.run.dir={run}"]
 
     return Program(command, result)
@@ -127,8 +129,7 @@ def finder(folder: Path) -> Program:
     from kpopnet.training.finder import META, STATE, WEIGHTS
 
     settings = [f"data.{name}={write_room_images(folder / name)}" for name in ("train", "validation")]
-    settings += ["threads=1", "training.batch_size=2"]
-    settings += ["training.steps=6", "training.validate_every=2"]
+    settings += ["threads=1", "training.batch_size=2", "training.steps=6", "training.validate_every=2"]
 
     def command(run: Path) -> list[str]:
         resume = str((run / STATE).exists()).lower()
@@ -136,11 +137,8 @@ def finder(folder: Path) -> Program:
 
     def result(run: Path) -> dict[str, Any]:
         state = torch.load(run / STATE, weights_only=True)
-        return {
-            "weights": (run / WEIGHTS).read_bytes(),
-            "described": json.loads((run / META).read_text()),
-            "state": repr(state),
-        }
+        described = json.loads((run / META).read_text())
+        return {"weights": (run / WEIGHTS).read_bytes(), "described": described, "state": repr(state)}
 
     return Program(command, result)
 

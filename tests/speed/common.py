@@ -1,26 +1,38 @@
-"""What several measures need: one core, a small set of real samples, an untrained network."""
+"""What several measures need: times, one core, a small set of real samples, an untrained network.
 
-from collections.abc import Iterator
+Libraries are imported where they are needed: one measure is of the memory of its process.
+"""
+
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-import cv2
-import torch
+from typing import TypeVar
 
 from kpopnet.data.shards import ShardedSet
-from kpopnet.networks import ModelConfig
-from kpopnet.networks.checkpoint import save_checkpoint
-from kpopnet.networks.network import build_network
 from synth.motion import MotionConfig
 from synth.samples.sampler import SampleConfig
 from synth.samples.writer import SetConfig, write_shard
 
+R = TypeVar("R")
+
 Figures = dict[str, tuple[float, str, str]]
+"""Value, unit, and against what it is measured, by name."""
+
+
+def timed(work: Callable[..., R], *given, clock: Callable[[], float] = time.process_time) -> tuple[float, R]:
+    """The milliseconds that work takes, by default of processor time, and what it returns."""
+    start = clock()
+    result = work(*given)
+    return 1000 * (clock() - start), result
 
 
 @contextmanager
 def one_core() -> Iterator[None]:
     """Lets OpenCV and torch use one thread."""
+    import cv2
+    import torch
+
     threads = cv2.getNumThreads(), torch.get_num_threads()
     cv2.setNumThreads(1)
     torch.set_num_threads(1)
@@ -40,5 +52,9 @@ def generated_set(folder: Path, count: int, shards: int = 1, source: str = "mix"
 
 def untrained(folder: Path) -> Path:
     """A checkpoint of the default network with depth and ridge; its random weights do not change its speed."""
+    from kpopnet.networks import ModelConfig
+    from kpopnet.networks.checkpoint import save_checkpoint
+    from kpopnet.networks.network import build_network
+
     meta = {"step": 0, "config": {}, "metrics": {}}
     return save_checkpoint(folder, build_network(ModelConfig(input="depth_ridge")), {}, meta, best=True)

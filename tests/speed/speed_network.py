@@ -1,7 +1,6 @@
 """What a crop costs a network by torch and by ONNX Runtime, and how fast the pose estimator is with it."""
 
 import tempfile
-import time
 from pathlib import Path
 from statistics import median
 
@@ -13,7 +12,7 @@ from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.onnx_export import export_network
 from kpopnet.pose import PoseEstimator
 from synth.simulated.stand_ins import EvalSim, EvalSimConfig
-from tests.speed.common import Figures, one_core, untrained
+from tests.speed.common import Figures, one_core, timed, untrained
 
 CROPS, ROUNDS = 20, 15
 FRAMES, SETTLED = 150, 30
@@ -37,10 +36,7 @@ def _crops(backends: dict, crop_px: int) -> Figures:
     times_ms: dict[str, list[float]] = {name: [] for name in backends}
     for _ in range(ROUNDS):
         for name, run in backends.items():
-            for _ in range(CROPS):
-                started = time.process_time()
-                run(crop)
-                times_ms[name].append(1000 * (time.process_time() - started))
+            times_ms[name] += [timed(run, crop)[0] for _ in range(CROPS)]
     against = f"one crop of {crop_px} px, depth and ridge, one core"
     return {name: (median(values), "ms of CPU", against) for name, values in times_ms.items()}
 
@@ -49,11 +45,8 @@ def _frames(network: NetworkEstimator) -> Figures:
     """Whole 320x240 frames of a dance, one after another."""
     film, figures = film_of(EvalSim(EvalSimConfig(seed=21)), 0, FRAMES), {}
     for mode, name in (("realtime", "network.path_fps"), ("best", "network.path_fps_best")):
-        estimator, frames_ms = PoseEstimator(network, mode), []
-        for depth_m in film.depth_m:
-            started = time.process_time()
-            estimator.update(depth_m, film.camera)
-            frames_ms.append(1000 * (time.process_time() - started))
+        estimator = PoseEstimator(network, mode)
+        frames_ms = [timed(estimator.update, depth_m, film.camera)[0] for depth_m in film.depth_m]
         middle, late = np.percentile(frames_ms[SETTLED:], (50, 95))
         against = f"median, {1000 / late:.0f} at the 95th percentile; raw depth to joints, mode {mode}"
         figures[name] = (1000 / middle, "frames/core-second", against)

@@ -7,7 +7,6 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import mujoco
@@ -16,8 +15,8 @@ from synth.motion import MotionConfig
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.samples.writer import SetConfig, write_shard
 from synth.scene.render import CpuRenderer, GlRenderer
+from tests.speed.common import Figures, timed
 
-Figures = dict[str, tuple[float, str, str]]
 SAMPLES = 500  # a shard; the median over SHARDS of them counts, when the dances that a process composes are composed
 SHARDS = 12
 PICTURES = 300
@@ -46,9 +45,7 @@ def samples() -> dict:
     rates, memory_mb = [], []
     with tempfile.TemporaryDirectory() as folder:
         for shard in range(SHARDS + 1):
-            start = time.process_time()
-            write_shard(config, Path(folder), shard)
-            rates.append(SAMPLES / (time.process_time() - start))
+            rates.append(1000 * SAMPLES / timed(write_shard, config, Path(folder), shard)[0])
             memory_mb.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     # The first one also compiles and opens things.
     return {"rate": statistics.median(rates[1:]), "early_mb": memory_mb[0], "late_mb": memory_mb[-1]}
@@ -67,9 +64,7 @@ def with_gl() -> dict:
             for k in range(PICTURES):
                 scene.data.qpos[:] = poses[k % len(poses)]
                 mujoco.mj_kinematics(scene.model, scene.data)
-                start = time.process_time()
-                renderer.person_m()
-                times.append(1000 * (time.process_time() - start))
+                times.append(timed(renderer.person_m)[0])
             figures[name].append(statistics.fmean(times))
     renderers["gl_ms"].close()
     return {name: statistics.median(values[1:]) for name, values in figures.items()}

@@ -30,14 +30,13 @@ from kpopnet.teacher.tries import Tries
 from synth.body.teacher import teacher_arrays
 from synth.dances.live import LiveLearner
 from synth.dances.taught import Teacher
+from tests.speed.common import Figures
 
 SECONDS, PATIENCE_S = 20.0, 300.0
 SIZES = ((320, 240), (640, 480))
 ESTIMATORS = {"tracker": "tracker", "network": None}
 FOV_DEG = 58.5
 DANCE = "dance_001"
-
-Figures = dict[str, tuple[float, str, str]]
 
 HOOK = """
 window.seen = { frames_ms: [], verdicts_ms: [] };

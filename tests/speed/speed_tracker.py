@@ -11,7 +11,7 @@ from kpopnet.finder.finder import PersonFinder
 from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.tracker.tracker import Tracker
 from synth.simulated.stand_ins import EvalSim, EvalSimConfig
-from tests.speed.common import Figures, one_core
+from tests.speed.common import Figures, one_core, timed
 
 FRAMES = 240
 SEQUENCES = (0, 1, 2)  # one of each subject: a dance, crossed punches, kicks
@@ -37,17 +37,18 @@ def measure() -> Figures:
 
 def _follow(film: SimpleNamespace) -> list[tuple[float, float]]:
     """Milliseconds of every frame, from the raw image to the joints, and of a distance transform of it."""
-    extractor, person, times_ms = PersonFinder(film.camera), Tracker(film.camera), []
+    extractor, person = PersonFinder(film.camera), Tracker(film.camera)
     person.start(film.joints_camera_m[0])
+
+    def follow(depth_m: np.ndarray) -> None:
+        if humans := extractor.extract(depth_m):
+            person.track(humans[0].whole(film.camera))
+
+    times_ms = []
     for depth_m in film.depth_m:
         measured = (depth_m > 0).astype(np.uint8)
-        start = time.process_time()
-        humans = extractor.extract(depth_m)
-        if humans:
-            person.track(humans[0].whole(film.camera))
-        tracked = time.process_time()
-        cv2.distanceTransform(measured, cv2.DIST_L2, cv2.DIST_MASK_5)
-        times_ms.append((1000 * (tracked - start), 1000 * (time.process_time() - tracked)))
+        transform = cv2.distanceTransform, measured, cv2.DIST_L2, cv2.DIST_MASK_5
+        times_ms.append((timed(follow, depth_m)[0], timed(*transform)[0]))
     return times_ms
 
 
@@ -59,10 +60,7 @@ def _extraction() -> Figures:
         frames_ms = np.empty((ROUNDS, EXTRACTED))
         for times_ms in frames_ms:
             extractor = PersonFinder(film.camera) if name == "finder" else PaperExtractor(film.camera)
-            for t, depth_m in enumerate(film.depth_m):
-                started = time.perf_counter()
-                extractor.extract(depth_m)
-                times_ms[t] = 1000 * (time.perf_counter() - started)
+            times_ms[:] = [timed(extractor.extract, depth_m, clock=time.perf_counter)[0] for depth_m in film.depth_m]
         # A busy machine makes single rounds slow, never fast.
         middle, late = np.percentile(frames_ms.min(axis=0)[SETTLED:], (50, 95))
         against = f"median; 95 % within {late:.2f}, first image {frames_ms[:, 0].min():.1f}"
