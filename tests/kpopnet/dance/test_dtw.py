@@ -89,17 +89,16 @@ def test_frames_that_the_teacher_lacks_neither_attract_nor_repel():
     assert distances[1].tolist() == [math.pi] * 3
 
 
-def norm(a, b, a_weights=1.0, outlier=math.inf) -> float:
-    return frame_distance(plain([a], a_weights), 0, plain([b]), 0, outlier)
-
-
-def test_differences_are_wrapped_and_weighted_and_missing_ones_excluded():
-    a, b, zero = [3.1, 0.0, 0.0], [-3.1, 0.0, 0.0], [0.0, 0.0, 0.0]
-    assert norm(a, b) == pytest.approx(2 * math.pi - 6.2)
-    assert norm(a, b, a_weights=[0.25, 1, 1]) == pytest.approx((2 * math.pi - 6.2) / 2)
-    c = [0.5, 0.0, math.nan]
-    assert norm(c, zero) == pytest.approx(0.5 * math.sqrt(3 / 2))
-    assert math.isnan(norm([0.5, math.nan, math.nan], zero))
+@pytest.mark.parametrize(
+    ("a", "b", "weights", "distance"),
+    [
+        ([3.1, 0, 0], [-3.1, 0, 0], 1, 2 * math.pi - 6.2), ([3.1, 0, 0], [-3.1, 0, 0], [0.25, 1, 1], math.pi - 3.1),
+        ([0.5, 0, math.nan], [0, 0, 0], 1, 0.5 * math.sqrt(3 / 2)), ([0.5, math.nan, math.nan], [0, 0, 0], 1, math.nan),
+    ],
+)  # fmt: skip
+def test_differences_are_wrapped_and_weighted_and_missing_ones_excluded(a, b, weights, distance):
+    found = frame_distance(plain([a], weights), 0, plain([b]), 0, math.inf)
+    assert found == pytest.approx(distance, nan_ok=True)
 
 
 def slow_algorithm_3(learner, teacher, alpha, beta, tau):

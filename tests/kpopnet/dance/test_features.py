@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from dance_learners import UPPER, turned_about
 from dance_people import dance_joints_m, noisy, turned
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,15 +17,11 @@ FEATURED = "dance22", "dance22_turn", "raptis"
 
 def standing() -> np.ndarray:
     """(15, 3) an upright person who faces the camera, with arms and legs hanging straight."""
-    joints_m = np.zeros((15, 3))
-    for joint, x, y in (
-        (Joint.HEAD, 0, -0.7), (Joint.NECK, 0, -0.5), (Joint.TORSO, 0, -0.25),
-        (Joint.RIGHT_SHOULDER, -0.2, -0.5), (Joint.RIGHT_ELBOW, -0.2, -0.2), (Joint.RIGHT_HAND, -0.2, 0.1),
-        (Joint.LEFT_SHOULDER, 0.2, -0.5), (Joint.LEFT_ELBOW, 0.2, -0.2), (Joint.LEFT_HAND, 0.2, 0.1),
-        (Joint.RIGHT_HIP, -0.1, 0), (Joint.RIGHT_KNEE, -0.1, 0.4), (Joint.RIGHT_FOOT, -0.1, 0.8),
-        (Joint.LEFT_HIP, 0.1, 0), (Joint.LEFT_KNEE, 0.1, 0.4), (Joint.LEFT_FOOT, 0.1, 0.8),
-    ):  # fmt: skip
-        joints_m[joint] = x, y, 3
+    joints_m = np.full((15, 3), (0.0, 0.0, 3.0))
+    joints_m[[Joint.HEAD, Joint.NECK, Joint.TORSO], 1] = -0.7, -0.5, -0.25
+    for limb, x, ys in ((("SHOULDER", "ELBOW", "HAND"), 0.2, (-0.5, -0.2, 0.1)), (("HIP", "KNEE", "FOOT"), 0.1, (0, 0.4, 0.8))):
+        for joint, y in zip(limb, ys, strict=True):
+            joints_m[[Joint[f"RIGHT_{joint}"], Joint[f"LEFT_{joint}"]], :2] = (-x, y), (x, y)
     return joints_m
 
 
@@ -53,31 +50,21 @@ def test_angles_of_an_upright_pose_are_zero_and_arms_to_the_front_and_to_the_sid
 
 
 def test_a_bend_forwards_and_backwards_a_twist_left_and_right_differ_in_sign():
-    def rotated_angle(name, axis, angle):
-        pose = standing()
-        upper = [j for j in Joint if "HIP" not in j.name and "KNEE" not in j.name and "FOOT" not in j.name and j != Joint.TORSO]
-        centre = pose[Joint.TORSO]
-        pose[upper] = turned((pose[upper] - centre)[None], axis, angle)[0] + centre
-        return features_of(pose[None], "dance22")[name][0]
-
     for name, axis in (("twist", [0, 1, 0]), ("lean", [0, 0, 1]), ("bend", [1, 0, 0])):
-        there, back = rotated_angle(name, axis, 0.4), rotated_angle(name, axis, -0.4)
-        assert abs(there) == pytest.approx(0.4, abs=1e-6)
-        assert there == pytest.approx(-back, abs=1e-6)
-    assert rotated_angle("bend", [1, 0, 0], 0.4) > 0  # the head comes towards the camera
+        poses, angles_rad = np.array([standing(), standing()]), np.array([0.4, -0.4])
+        poses = turned_about(poses, Joint.TORSO, UPPER, np.broadcast_to(axis, (2, 3)), angles_rad)
+        np.testing.assert_allclose(features_of(poses, "dance22")[name], angles_rad, atol=1e-6)
 
 
 def test_only_dance22_tells_a_forearm_up_from_down_with_the_upper_arm_sideways():
-    up, down = standing(), standing()
-    for pose, y in ((up, -0.3), (down, 0.3)):
-        pose[Joint.RIGHT_ELBOW] = pose[Joint.RIGHT_SHOULDER] + [-0.3, 0, 0]
-        pose[Joint.RIGHT_HAND] = pose[Joint.RIGHT_ELBOW] + [0, y, 0]
+    poses = np.array([standing(), standing()])
+    poses[:, Joint.RIGHT_ELBOW] = poses[:, Joint.RIGHT_SHOULDER] + [-0.3, 0, 0]
+    poses[:, Joint.RIGHT_HAND] = poses[:, Joint.RIGHT_ELBOW] + [[0, -0.3, 0], [0, 0.3, 0]]
     for feature, is_different in (("dance22", True), ("raptis", False)):
-        result = dance_features(np.array([up, down]), feature, FPS)
+        result = dance_features(poses, feature, FPS)
         column = FEATURES[feature].names.index("right_hand_azimuth")
-        difference = np.abs(np.angle(np.exp(1j * (result.angles_rad[0, column] - result.angles_rad[1, column]))))
-        weighted = difference * result.weights[:, column].min()
-        assert (weighted > 1.5) == is_different
+        apart_rad = np.angle(np.exp(1j * np.diff(result.angles_rad[:, column])))
+        assert (abs(apart_rad) * result.weights[:, column].min() > 1.5) == is_different
 
 
 @settings(max_examples=25, deadline=None)

@@ -1,5 +1,6 @@
 """What a dancer is told: causes of a phrase, faults by part, time and direction, what repeats, the set-up's faults, praise."""
 
+import itertools
 from functools import partial
 
 import dance_learners as made
@@ -9,7 +10,6 @@ from dance_learners import ARMS, LEGS, arm_lowered, elbow_bent, hidden, hunched,
 from dance_people import FPS, dance_joints_m, mirrored, noisy, performed
 
 from kpopnet.dance.feedback import MOMENTS_PER_PHRASE, feedback, moments_since
-from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
@@ -42,22 +42,17 @@ def has_effect(teacher_m, faulty_m, joints) -> bool:
 
 
 def test_injected_faults_are_named_by_part_window_and_direction():
-    part_right, window_right, direction_right = [], [], []
-    for index in range(2):
+    told_right = []
+    for index, (part, direction, faulted, joints) in itertools.product(range(2), FAULTS):
         teacher_m = dance_joints_m(index)
-        for part, direction, faulted, joints in FAULTS:
-            learner_m, faulty_m = noisy(teacher_m, 0.01, index), faulted(teacher_m)
-            if not has_effect(teacher_m, faulty_m, joints):
-                continue
+        learner_m, faulty_m = noisy(teacher_m, 0.01, index), faulted(teacher_m)
+        if has_effect(teacher_m, faulty_m, joints):
             learner_m[BEGIN:END] += (faulty_m - teacher_m)[BEGIN:END]
-            faults = told(learner_m, teacher_m=teacher_m).faults
-            part_right.append(bool(faults) and faults[0].part == part)
-            if not part_right[-1]:
-                continue
-            window_right.append(all(BEGIN / FPS - 0.6 <= start_s <= END / FPS for start_s in faults[0].starts_s))
-            direction_right.append(faults[0].direction == direction and (faults[0].degrees > 0) == (direction not in LESS))
-    assert len(part_right) > 15
-    assert np.mean(part_right) >= 0.9 and np.mean(window_right) == 1 and np.mean(direction_right) >= 0.9
+            first = told(learner_m, teacher_m=teacher_m).faults[:1]
+            expected = [(part, direction, direction in LESS)]
+            told_right.append([(one.part, one.direction, one.degrees < 0) for one in first] == expected)
+            assert all(BEGIN / FPS - 0.6 <= start_s <= END / FPS for one in first for start_s in one.starts_s)
+    assert len(told_right) > 15 and np.mean(told_right) >= 0.9
 
 
 def during(faulty_m, teacher_m):
@@ -89,24 +84,12 @@ def test_the_cause_of_a_phrase_stands_before_its_joints(name):
         assert not [one for one in found.phrases[2].moments if one.part not in ("phrase", "timing")]
 
 
-def test_one_wrong_limb_beside_one_that_is_a_little_off_is_not_something_else():
-    """The right arm of a dancer whose left arm hangs may have 80 through a camera."""
-    teacher_m = dance_joints_m(1, 16.0)
-    score = score_dance(performed(teacher_m), performed(CAUSES["something else"](teacher_m)))
-    for right_arm, is_else in ((60.0, True), (80.0, False)):
-        parts = {name: np.full_like(values, 100.0) for name, values in score.windows.parts.items()}
-        parts["left arm"][:], parts["right arm"][:] = 1.0, right_arm
-        third = feedback(score._replace(windows=score.windows._replace(parts=parts))).phrases[2]
-        assert ("something else" in [one.direction for one in third.moments]) is is_else
-
-
 def test_who_moves_half_as_far_from_the_first_moment_on_rests_nowhere():
     for index in range(4):
         teacher_m = dance_joints_m(index, 16.0)
-        causes = [
-            one.direction for one in told(made.smaller(teacher_m, 0.5), teacher_m=teacher_m).moments if one.part == "phrase"
-        ]
-        assert "too small" in causes and not {"late entry", "stood still"} & set(causes)
+        moments = told(made.smaller(teacher_m, 0.5), teacher_m=teacher_m).moments
+        causes = {one.direction for one in moments if one.part == "phrase"}
+        assert "too small" in causes and not {"late entry", "stood still"} & causes
 
 
 def test_a_phrase_that_is_seen_in_part_keeps_its_cause():
@@ -213,7 +196,8 @@ def test_phrases_are_counted_from_the_beat_whenever_the_recording_begins(begin_s
     np.testing.assert_allclose(on_beats, np.round(on_beats), atol=1e-9)
     np.testing.assert_allclose(np.diff(starts_s), 8 * beat_s)
     assert starts_s[0] <= begin_s + 1 < starts_s[0] + 8 * beat_s and starts_s[-1] < begin_s + seconds
-    assert feedback(score).phrases[0].start_s == begin_s  # without a beat from the first frame
+    without_beat = feedback(score).phrases
+    assert without_beat[0].start_s == begin_s and all(one.similarity is not None for one in without_beat)
 
 
 def test_the_first_phrase_has_its_cause_also_where_it_begins_before_the_recording():
@@ -221,22 +205,6 @@ def test_the_first_phrase_has_its_cause_also_where_it_begins_before_the_recordin
     learner_m[:90] = mirrored(TEACHER_M)[:90]
     told = feedback(score_dance(Performance(TEACHER_M, times_s), Performance(learner_m, times_s)), beat_s=0.5)
     assert told.phrases[0].start_s == 0 and told.phrases[0].moments[0].direction == "mirrored"
-
-
-@pytest.mark.parametrize("seconds", [8.9, 9.2, 9.6])
-def test_every_phrase_has_a_window(seconds):
-    copy = performed(dance_joints_m(2, seconds))
-    assert all(one.similarity is not None for one in feedback(score_dance(copy, copy)).phrases)
-
-
-def test_during_the_dance_the_feedback_on_a_phrase_is_that_of_afterwards():
-    learner_m, online = noisy(TEACHER_M, 0.06)[:240], OnlineScorer(performed(TEACHER_M[:240]))
-    for frame, joints_m in enumerate(learner_m):
-        online.update(joints_m, frame / FPS)
-        if frame == 200:
-            early = feedback(online.score_so_far())
-    whole = told(learner_m, teacher_m=TEACHER_M[:240])
-    assert whole.faults and early.phrases[0] == whole.phrases[0]
 
 
 def test_a_teacher_of_whom_nothing_can_be_compared_is_no_error():

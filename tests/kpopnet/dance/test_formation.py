@@ -26,8 +26,16 @@ def group(places_m=PLACES_M, spread=1.0, away_m=0.0):
     return dancers
 
 
-def graded(learners):
-    return formation([performed(one) for one in group()], [performed(one) for one in learners])
+def graded(learners, teachers=None, free_s=()):
+    teachers = group() if teachers is None else teachers
+    return formation([performed(one) for one in teachers], [performed(one) for one in learners], free_s)
+
+
+def aside(metres):
+    """The group, of which the third stands some metres aside for a while."""
+    learners, seconds = group(), np.arange(round(SECONDS * FPS)) / FPS
+    during = (seconds >= FAULT_S[0]) & (seconds < FAULT_S[1])
+    return [*learners[:2], learners[2] + during[:, None, None] * [metres, 0, 0]]
 
 
 @settings(max_examples=10, deadline=None)
@@ -39,16 +47,13 @@ def test_a_smaller_room_and_another_distance_of_the_camera_are_right(spread, awa
 
 
 def test_the_farther_one_stands_from_their_place_the_less_and_who_where_and_when_is_told():
-    figures = []
-    for metres in (0.0, 0.4, 0.8, 1.2):
-        learners = group()
-        seconds = np.arange(len(learners[0])) / FPS
-        learners[2] = learners[2] + ((seconds >= FAULT_S[0]) & (seconds < FAULT_S[1]))[:, None, None] * [metres, 0, 0]
-        found = graded(learners)
-        figures.append(found.similarity)
+    found = [graded(aside(metres)) for metres in (0.0, 0.4, 0.8, 1.2)]
+    figures = [one.similarity for one in found]
     assert figures[0] > 99 and np.all(np.diff(figures) < -5), figures
-    member, at_s, text = found.remarks[-1]
+    member, at_s, text = found[-1].remarks[-1]
     assert member == 2 and at_s == pytest.approx(FAULT_S[0], abs=0.1) and "too far left" in text
+    free = graded(aside(1.2), free_s=[FAULT_S])
+    assert free.similarity > 99 and not free.remarks
 
 
 def test_those_who_changed_places_are_wrong_but_stand_as_far_apart():
@@ -56,53 +61,35 @@ def test_those_who_changed_places_are_wrong_but_stand_as_far_apart():
     assert found.similarity < 5 and found.spread == pytest.approx(1, abs=0.05)
 
 
-def test_where_members_stand_while_all_is_free_is_not_graded():
-    learners, seconds = group(), np.arange(round(SECONDS * FPS)) / FPS
-    inside = (seconds >= FAULT_S[0]) & (seconds < FAULT_S[1])
-    learners[2] = learners[2] + inside[: len(learners[2]), None, None] * [1.2, 0, 0]
-    teachers, danced = ([performed(one) for one in dancers] for dancers in (group(), learners))
-    found = formation(teachers, danced, [FAULT_S])
-    assert found.similarity > 99 and not found.remarks
-
-
 def test_who_is_not_seen_together_for_a_window_is_not_graded():
-    learners = [performed(one) for one in group()]
-    learners[1].joints_m[:] = np.nan
-    assert formation([performed(one) for one in group()], learners) is None
-    late = [performed(one, delay_s=SECONDS) for one in group()]
-    assert formation([performed(one) for one in group()], late) is None
+    first, second, third = group()
+    assert graded([first, np.full_like(second, np.nan), third]) is None
+    assert formation([performed(one) for one in group()], [performed(one, delay_s=SECONDS) for one in group()]) is None
 
 
 @pytest.mark.parametrize("seconds", [2.5, SECONDS])
 @pytest.mark.parametrize("centred", [("teacher",), ("learner",), ("teacher", "learner")])
 def test_joints_about_the_hips_hold_no_places(centred, seconds):
     """As MediaPipe's world landmarks: all members dance in one point, which would be a right formation or a wrong one."""
-    groups = {name: [one[: round(seconds * FPS)] for one in group()] for name in ("teacher", "learner")}
+    groups = {name: [one[: round(seconds * FPS)] for one in group()] for name in ("learner", "teacher")}
     for name in centred:
         groups[name] = [one - one[:, HIPS].mean(axis=1, keepdims=True) for one in groups[name]]
-    found = formation(*([performed(one) for one in dancers] for dancers in groups.values()))
+    found = graded(*groups.values())
     assert found.centred == centred and np.isnan([found.similarity, found.spread]).all() and not found.remarks
 
 
 def test_two_who_stand_still_for_a_short_while_have_places():
-    still = [np.broadcast_to(one[:1], (75, 15, 3)) for one in group()]
-    pairs = [[performed(one) for one in dancers] for dancers in (still, still)]
-    assert formation(*pairs).similarity > 99
-    pairs[1][0].joints_m[:] = np.nan
-    assert formation(*pairs) is None  # who is not seen does not stand where another does
+    first, *others = (np.broadcast_to(one[:1], (75, 15, 3)) for one in group())
+    assert graded([first, *others], [first, *others]).similarity > 99
+    # Who is not seen does not stand where another does.
+    assert graded([np.full_like(first, np.nan), *others], [first, *others]) is None
 
 
 def test_a_group_is_as_large_as_those_of_its_teachers_whose_feet_are_seen():
-    teachers = group()
-    teachers[0] = teachers[0].copy()
-    teachers[0][:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]] = np.nan
-    assert formation(*([performed(one) for one in dancers] for dancers in (teachers, group()))).similarity > 99
-    footless = [performed(teachers[0])]
-    assert formation(footless, footless) is None
-
-
-@pytest.mark.parametrize("learners", [0, 1, 3])
-def test_groups_of_other_sizes_are_refused(learners):
-    teachers = [performed(one) for one in group()[:2]] if learners else []
-    with pytest.raises(InputError, match=f"{len(teachers)} teachers and {learners} learners"):
-        formation(teachers, [performed(one) for one in group()[:learners]])
+    footless, *others = group()
+    footless[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]] = np.nan
+    assert graded(group(), [footless, *others]).similarity > 99
+    assert graded([footless], [footless]) is None
+    for learners, teachers in ((0, 0), (3, 2)):
+        with pytest.raises(InputError, match=f"{teachers} teachers and {learners} learners"):
+            graded(group()[:learners], group()[:teachers])

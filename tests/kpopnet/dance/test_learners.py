@@ -101,14 +101,11 @@ def test_never_turning_costs_where_the_teacher_turns():
 
 def test_a_teacher_who_waits_teaches_nothing_meanwhile():
     """Whoever stands in the pose in which the teacher waits is right all that time, and has not danced."""
-    wait_s = 8.0
-    frames = round(wait_s * FPS)
-    teacher_m, other_m = (np.concatenate([np.repeat(taught_m(name)[:1], frames, axis=0), taught_m(name)]) for name in COMPOSED)
-    other_m[:frames] = teacher_m[:frames]
-    copy, still, other, late = (
-        score_dance(performed(teacher_m), performed(one))
-        for one in (teacher_m, made.standing(teacher_m), other_m, made.hidden(teacher_m, 0, wait_s))
-    )
+    wait_s, (teacher_m, other_m) = 8.0, map(taught_m, COMPOSED)
+    waiting_m = np.repeat(teacher_m[:1], round(wait_s * FPS), axis=0)
+    teacher_m, other_m = (np.concatenate([waiting_m, one]) for one in (teacher_m, other_m))
+    learners = teacher_m, made.standing(teacher_m), other_m, made.hidden(teacher_m, 0, wait_s)
+    copy, still, other, late = (score_dance(performed(teacher_m), performed(one)) for one in learners)
     assert copy.similarity > 99.9 and late.similarity > 90 and still.similarity < 10 and other.similarity < 20
     weight = copy.windows.weight
     assert (weight[: round(2 * (wait_s - 2)) + 1] < 0.01).all() and (weight[round(2 * wait_s) :] > 0.9).mean() > 0.9

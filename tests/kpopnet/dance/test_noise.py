@@ -47,7 +47,7 @@ def scored(seed: int, learner_m: np.ndarray, scorer) -> DanceScore:
 
 
 def test_perfect_dancing_scores_high_and_faults_cost_what_they_cost_on_true_joints(known):
-    perfect, unknown = scored(0, JOINTS_M, known), scored(0, JOINTS_M, OURS)
+    perfect, unknown = (scored(0, JOINTS_M, scorer) for scorer in (known, OURS))
     assert perfect.similarity > max(93, unknown.similarity + 5) and unknown.uncertainty == 0 < perfect.uncertainty < 30
     learners = [arms_lowered(JOINTS_M, degrees) for degrees in (15, 45)] + [smaller(JOINTS_M, 0.5), standing(JOINTS_M)]
     scores = [scored(0, learner_m, known).similarity for learner_m in learners]
@@ -64,13 +64,12 @@ def test_a_fault_of_what_is_seen_badly_costs_as_much_as_on_true_joints(monkeypat
         found_m[:, arms], confidence[:, arms] = noisy(joints_m, 0.08, seed)[:, arms], 0.6
         return Performance(found_m, np.arange(len(joints_m)) / FPS, confidence)
 
-    dances = [performed(dance_joints_m(number)) for number in (3, 4, 5)]
-    own = [noise.own_errors(noise.Seen("", "", one, one, arms_seen_badly(one.joints_m, 7))) for one in dances]
+    *dances, a, b, c = (performed(dance_joints_m(number)) for number in range(6))
+    own = [noise.own_errors(noise.Seen("", "", one, one, arms_seen_badly(one.joints_m, 7))) for one in (a, b, c)]
     monkeypatch.setitem(NOISE, "arms", noise.measured(own)._replace(steady={}))
     excess = []
-    for number in range(3):
-        dance_m = dance_joints_m(number)
-        wrong_m, teacher = arms_lowered(dance_m, 45), performed(dance_m)
+    for teacher in dances:
+        wrong_m = arms_lowered(teacher.joints_m, 45)
         seen_badly = score_dance(teacher, arms_seen_badly(wrong_m, 0), replace(OURS, noise="arms"))
         excess.append(seen_badly.similarity - score_dance(teacher, performed(wrong_m)).similarity)
     assert abs(np.mean(excess)) < 5  # +12 if legs that are seen well counted more than arms that are not

@@ -60,23 +60,23 @@ def test_timing_similarity_is_eq_13():
 
 
 def test_similarity_is_the_mean_of_the_windows_products():
-    score = score_dance(performed(dance_joints_m(0)), performed(noisy(dance_joints_m(0), 0.03), 0.1))
+    score = score_dance(performed(JOINTS_M), performed(noisy(JOINTS_M, 0.03), 0.1))
     windows = score.windows
     np.testing.assert_allclose(windows.similarity, windows.timing * windows.posture / 100)
     assert (windows.weight <= 1).all() and (windows.weight > 0.5).mean() > 0.9
     for name in ("similarity", "timing", "posture"):
         assert getattr(score, name) == pytest.approx(np.average(getattr(windows, name), weights=windows.weight))
-    np.testing.assert_allclose(np.diff(windows.start_s), 0.5)
-    of_paper = score_dance(performed(dance_joints_m(0)), performed(dance_joints_m(1)), SCORERS["paper"])
+    of_paper = score_dance(performed(JOINTS_M), performed(dance_joints_m(1)), SCORERS["paper"])
     assert of_paper.similarity == pytest.approx(of_paper.windows.similarity.mean())
-    np.testing.assert_allclose(np.diff(of_paper.windows.start_s), 2)
+    for one, hop_s in ((windows, 0.5), (of_paper.windows, 2)):
+        np.testing.assert_allclose(np.diff(one.start_s), hop_s)
 
 
 def test_algorithm_3_as_printed_does_not_find_a_late_copy():
-    joints_m, printed = dance_joints_m(0), PaperScorer(as_printed=True)
-    late, copy = performed(joints_m, 1.0), score_dance(performed(joints_m), performed(joints_m), printed)
+    teacher, late, printed = performed(JOINTS_M), performed(JOINTS_M, 1.0), PaperScorer(as_printed=True)
+    copy = score_dance(teacher, teacher, printed)
     assert copy.similarity > 95 and feedback(copy).hints == ()
-    assert [score_dance(performed(joints_m), late, one).posture > 80 for one in (printed, SCORERS["paper"])] == [False, True]
+    assert [score_dance(teacher, late, one).posture > 80 for one in (printed, SCORERS["paper"])] == [False, True]
 
 
 def test_a_new_feature_is_scored_by_the_papers_scorer_under_its_name(monkeypatch):
@@ -85,58 +85,53 @@ def test_a_new_feature_is_scored_by_the_papers_scorer_under_its_name(monkeypatch
         return Angles(np.pi * heights, np.ones_like(heights))
 
     monkeypatch.setitem(FEATURES, "hands", Feature(("left_hand_height", "right_hand_height"), hands))
-    scorer, joints_m = PaperScorer("hands"), dance_joints_m(0)
-    assert similarity(joints_m, joints_m, scorer) > 95 > 60 > similarity(joints_m, dance_joints_m(1), scorer)
-    learner_m = joints_m.copy()
+    scorer, learner_m = PaperScorer("hands"), JOINTS_M.copy()
+    assert similarity(JOINTS_M, JOINTS_M, scorer) > 95 > 60 > similarity(JOINTS_M, dance_joints_m(1), scorer)
     learner_m[:, Joint.LEFT_HAND] = learner_m[:, Joint.LEFT_HIP]
-    parts = score_dance(performed(joints_m), performed(learner_m), scorer).parts
+    parts = score_dance(performed(JOINTS_M), performed(learner_m), scorer).parts
     assert set(parts) == {"left arm", "right arm"} and parts["left arm"] < parts["right arm"] - 5
 
 
+def without(frames, joints=slice(None), scorer=OURS, **options):
+    """The score of a copy that lacks some joints in some frames."""
+    learner_m = JOINTS_M.copy()
+    learner_m[np.ix_(np.arange(len(JOINTS_M))[frames], np.arange(15)[joints])] = np.nan
+    return score_dance(performed(JOINTS_M), performed(learner_m), scorer, **options)
+
+
+HAND_AND_FOOT = [Joint.LEFT_HAND, Joint.RIGHT_FOOT]
+
+
 def test_the_papers_scorer_leaves_out_what_is_missing():
-    joints_m, paper = dance_joints_m(0), SCORERS["paper"]
-    learner_m = joints_m.copy()
-    learner_m[100:130, [Joint.LEFT_HAND, Joint.RIGHT_FOOT]] = np.nan
-    score = score_dance(performed(joints_m), performed(learner_m), paper)
+    paper = SCORERS["paper"]
+    score = without(slice(100, 130), HAND_AND_FOOT, paper)
     assert score.similarity > 90 and score.scored == 1
-    learner_m[100:190] = np.nan
-    score = score_dance(performed(joints_m), performed(learner_m), paper)
+    score = without(slice(100, 190), scorer=paper)
     assert 0.5 < score.scored < 1 and score.similarity > 85
-    learner_m = joints_m.copy()
-    learner_m[np.arange(len(joints_m)) % 60 < 30] = np.nan
-    gaps = score_dance(performed(joints_m), performed(learner_m), paper)
+    gaps = without(np.arange(len(JOINTS_M)) % 60 < 30, scorer=paper)
     assert gaps.similarity > 85 and np.nanmax(abs(gaps.windows.delay_s)) < 0.1
-    learner_m = joints_m.copy()
-    learner_m[len(joints_m) // 2 :] = np.nan
-    assert min(score_dance(performed(joints_m), performed(learner_m), paper).parts.values()) > 85
-    lost = performed(np.full_like(joints_m, np.nan))
-    unobserved = score_dance(performed(joints_m), lost, paper, unobserved_is_nan=True)
+    assert min(without(slice(len(JOINTS_M) // 2, None), scorer=paper).parts.values()) > 85
+    unobserved = without(slice(None), scorer=paper, unobserved_is_nan=True)
     assert unobserved.scored == 0 and math.isnan(unobserved.similarity)
 
 
 def test_what_is_missing_lowers_the_part_and_the_windows_that_lack_it():
-    joints_m = dance_joints_m(0)
-    learner_m = joints_m.copy()
-    learner_m[100:130, [Joint.LEFT_HAND, Joint.RIGHT_FOOT]] = np.nan
-    score = score_dance(performed(joints_m), performed(learner_m))
+    score = without(slice(100, 130), HAND_AND_FOOT)
     assert 80 < score.similarity < 97 and score.scored == 1
     for part in PARTS:
         lacking = part in ("left arm", "right leg")
         assert (score.parts[part] < 95) == (score.coverage[part] < 0.95) == lacking
         assert (score.windows.coverage[part][-1] == 1) and (score.windows.coverage[part].min() < 0.6) == lacking
-    learner_m[100:190] = np.nan
-    score = score_dance(performed(joints_m), performed(learner_m))
+    score = without(slice(100, 190))
     assert 0.5 < score.scored < 1 and 0.65 < score.completeness < 0.8 and 65 < score.similarity < 80
     assert (score.windows.similarity[~np.isfinite(score.windows.delay_s)] == 0).all()
 
 
 def test_dropped_frames_and_other_frame_rates_hardly_change_the_score():
-    joints_m = dance_joints_m(0)
-    kept = np.sort(np.random.default_rng(0).permutation(len(joints_m))[: len(joints_m) * 2 // 3])
-    assert score_dance(performed(joints_m), Performance(joints_m[kept], kept / FPS)).similarity > 90
+    kept = np.sort(np.random.default_rng(0).permutation(len(JOINTS_M))[: len(JOINTS_M) * 2 // 3])
+    assert score_dance(performed(JOINTS_M), Performance(JOINTS_M[kept], kept / FPS)).similarity > 90
     for fps in (15.0, 100.0):
-        other = Performance(dance_joints_m(0, fps=fps), np.arange(round(12 * fps)) / fps)
-        assert score_dance(performed(joints_m), other).similarity > 85
+        assert score_dance(performed(JOINTS_M), performed(dance_joints_m(0, fps=fps), fps=fps)).similarity > 85
 
 
 def finished(learner):
@@ -160,11 +155,8 @@ FAR[100, 7] = 1e200
         (lambda: Performance(JOINTS_M[:3], np.array([0, 0.2, 0.1])), r"frame 2 has time 0\.1: times must be finite and incr"),
         (lambda: Performance(JOINTS_M[:1], np.zeros(1), np.full((1, 15), np.nan)), "expected numbers from 0 to 1"),
         (lambda: Performance(JOINTS_M[:1], np.zeros(1), "abc"), "confidence: expected an array of numbers"),
-        (lambda: Performance(JOINTS_M[:1], np.zeros(1), [[1], [1, 2]]), "confidence: expected an array of numbers"),
         (lambda: Performance(FAR, np.arange(len(FAR)) / FPS), r"a coordinate of 1e\+200: expected at most 1e\+06 metres"),
-        (lambda: OnlineScorer(performed(JOINTS_M)).update(FAR[100], 0.1), r"a coordinate of 1e\+200"),
         (lambda: score_dance(JOINTS_M, JOINTS_M, fps=3), r"the teacher's dance: frames are 0\.333 s apart"),
-        (lambda: score_dance(3, JOINTS_M, fps=FPS), "the teacher's dance: .*int"),
         (lambda: OnlineScorer(performed(JOINTS_M)).update(JOINTS_M[0, :14], 0.1), r"joints of shape \(14, 3\)"),
         (lambda: OnlineScorer(performed(JOINTS_M)).finish(), "no whole window"),
         (lambda: finished(LOST), "the learner's dance: no joint is known in any of its 360 frames"),
@@ -189,26 +181,20 @@ def test_lower_confidence_never_scores_more(wrong):
 
 
 def test_what_the_teacher_does_not_show_costs_nothing():
-    joints_m = dance_joints_m(0)
-    teacher_m = joints_m.copy()
-    teacher_m[:, [Joint.LEFT_HAND, Joint.RIGHT_HAND]] = np.nan
+    teacher_m = JOINTS_M.copy()
+    teacher_m[:, [Joint.LEFT_HAND, Joint.RIGHT_HAND, Joint.LEFT_KNEE, Joint.LEFT_FOOT]] = np.nan
     teacher_m[100:160] = np.nan
-    teacher_m[:, [Joint.LEFT_KNEE, Joint.LEFT_FOOT]] = np.nan
-    score = score_dance(performed(teacher_m), performed(joints_m))
+    score = score_dance(performed(teacher_m), performed(JOINTS_M))
     assert score.similarity > 98 and "left leg" not in score.parts and score.completeness > 0.99
-
-
-def test_a_learner_is_scored_only_within_the_teachers_dance():
-    joints_m = dance_joints_m(0)
-    teacher = Performance(joints_m[60:240], np.arange(60, 240) / FPS)
-    score = score_dance(teacher, performed(joints_m))
+    excerpt = Performance(JOINTS_M[60:240], np.arange(60, 240) / FPS)
+    score = score_dance(excerpt, performed(JOINTS_M))
     assert score.similarity > 95
     assert score.windows.start_s[0] == 2.0 and score.windows.start_s[-1] <= 6.0
 
 
 ONLINE = [
     SCORERS["paper"], SCORERS["raptis"], PartScorer(mirrored="auto", latency_s=0.1), PartScorer(mirrored="true"),
-    PartScorer(noise="realtime"),
+    PartScorer(noise="realtime"), PartScorer(noise="webcam"),
 ]  # fmt: skip
 
 
@@ -221,9 +207,8 @@ def test_online_scores_equal_offline_scores(scorer):
     kept = np.delete(np.arange(360), np.r_[200:215, 300:302])
     times_s = kept / FPS + rng.uniform(0, 0.02, len(kept)) + 0.2
     confidence = rng.uniform(size=joints_m.shape[:2])
-    online, latest = OnlineScorer(teacher, scorer), []
-    for frame, time_s in zip(kept, times_s, strict=True):
-        latest.append(online.update(joints_m[frame], time_s, confidence[frame]))
+    online = OnlineScorer(teacher, scorer)
+    latest = [online.update(joints_m[frame], at_s, confidence[frame]) for frame, at_s in zip(kept, times_s, strict=True)]
     so_far = online.score_so_far()
     whole = score_dance(teacher, Performance(joints_m[kept], times_s, confidence[kept]), scorer)
     np.testing.assert_equal(online.finish(), whole)
@@ -236,19 +221,9 @@ def test_online_scores_equal_offline_scores(scorer):
     assert latest[-1].so_far == pytest.approx(so_far.similarity)
     # The online score at the end of each window, where no later sample of that window was delayed.
     windows = {round(score.time_s, 3): score for score in latest if score is not None}
-    ends = np.round(whole.windows.start_s + 59 / FPS, 3)
-    posture = {end: posture for end, posture in zip(ends, whole.windows.posture, strict=True) if end in windows}
-    assert len(posture) > 0.5 * len(ends)
-    assert posture == {end: windows[end].posture for end in posture}
-
-
-def test_copying_a_teacher_who_stands_still_earns_nothing_online_either():
-    """The teacher stands for four seconds, then dances; the learner stands throughout."""
-    teacher_m = np.concatenate([np.repeat(dance_joints_m(1)[:1], 120, axis=0), dance_joints_m(1)[:90]])
-    online = OnlineScorer(performed(teacher_m), OURS)
-    latest = [online.update(teacher_m[0], frame / FPS) for frame in range(len(teacher_m))][-1]
-    assert latest.so_far == pytest.approx(online.score_so_far().similarity)
-    assert latest.so_far < 5 and online.score_so_far().windows.similarity[0] > 99
+    ends = zip(np.round(whole.windows.start_s + 59 / FPS, 3), whole.windows.posture, strict=True)
+    pairs = [(windows[end].posture, posture) for end, posture in ends if end in windows]
+    assert len(pairs) > 0.5 * count and all(one == other for one, other in pairs)
 
 
 @pytest.mark.parametrize("asked", ["false", "true", "auto"])
@@ -288,20 +263,16 @@ def test_a_preview_of_a_short_window_knows_the_delay_and_changes_nothing():
 
 
 def test_the_learners_mirror_image_is_preferred_or_hinted_at():
-    joints_m = dance_joints_m(0)
-    learner = performed(mirrored(joints_m))
-    scores = {one: score_dance(performed(joints_m), learner, PartScorer(one)) for one in ("false", "true", "auto")}
-    assert scores["false"].similarity < 40 and scores["false"].mirror_fits_better and not scores["false"].mirrored
-    for setting in ("true", "auto"):
-        assert scores[setting].similarity > 99.9 and scores[setting].mirrored
-    copy = score_dance(performed(joints_m), performed(joints_m), PartScorer("auto"))
+    learner = performed(mirrored(JOINTS_M))
+    never, always, auto = (score_dance(performed(JOINTS_M), learner, PartScorer(one)) for one in ("false", True, "auto"))
+    assert never.similarity < 40 and never.mirror_fits_better and not never.mirrored
+    assert min(always.similarity, auto.similarity) > 99.9 and always.mirrored and auto.mirrored
+    copy = score_dance(performed(JOINTS_M), performed(JOINTS_M), PartScorer("auto"))
     assert copy.similarity > 99.9 and not copy.mirrored and not copy.mirror_fits_better
-    assert PartScorer(mirrored=True).mirrored == "true"
 
 
 def test_a_known_latency_is_taken_out():
-    joints_m = dance_joints_m(0)
-    late = score_dance(performed(joints_m), performed(noisy(joints_m, 0.02), 0.23))
+    late = score_dance(performed(JOINTS_M), performed(noisy(JOINTS_M, 0.02), 0.23))
     latency_s = measured_latency_s(late.windows.delay_s, late.windows.posture)
     assert latency_s == pytest.approx(0.23, abs=0.01)
-    assert similarity(joints_m, joints_m, replace(OURS, latency_s=latency_s), 0.23) > 96
+    assert similarity(JOINTS_M, JOINTS_M, replace(OURS, latency_s=latency_s), 0.23) > 96

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dance_learners import arm_lowered, turned_about
-from dance_people import FPS, dance_joints_m, followed, mirrored, performed
+from dance_people import FPS, dance_joints_m, mirrored, performed, turned
 
-from kpopnet.dance.features import FEATURES, dance_features, limb_directions
-from kpopnet.dance.noise.sight import POINTS_AT_CAMERA, path_distances, seen_differences, segment_differences
+from kpopnet.dance.features import FEATURES, dance_features
+from kpopnet.dance.noise.sight import path_distances, seen_differences, segment_differences
 from kpopnet.dance.noise.steady import FEATURE
 from kpopnet.dance.noise.table import NOISE
-from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, SCORERS, score_dance
 from kpopnet.dance.window import PARTS, part_of_angles
@@ -51,12 +50,16 @@ def seen_deg(learner_m, teacher_m):
     return np.degrees(np.linalg.norm(seen.scaled[0, :, LEFT_ARM], axis=-1))
 
 
-def test_across_the_line_of_sight_a_turn_is_seen_and_along_it_not():
+@pytest.mark.parametrize("aside_rad", [0.0, -0.8])
+def test_across_the_line_of_sight_a_turn_is_seen_and_along_it_not(aside_rad):
+    """Of a person who stands before the camera, or aside and turned to it."""
     teacher_m = standing_m()
-    across, forearm = seen_deg(arm_turned(teacher_m, (0, 0, 1), 20), teacher_m)
+    seen = [arm_turned(teacher_m, axis, 20) for axis in ((0, 0, 1), (0, 1, 0))]
+    teacher_m, *seen = (turned(one, (0, 1, 0), aside_rad) for one in (teacher_m, *seen))
+    (across, forearm), along = (seen_deg(one, teacher_m) for one in seen)
     assert across == pytest.approx(20 * np.sqrt(2), rel=0.03)  # as large again may lie along the line of sight
     assert forearm < 0.5  # it moves with the upper arm
-    assert max(seen_deg(arm_turned(teacher_m, (0, 1, 0), 20), teacher_m)) < 1.5
+    assert max(along) < 1.5
 
 
 def test_an_error_of_the_upper_arm_along_the_line_of_sight_is_none_of_a_forearm_that_points_at_the_camera():
@@ -81,9 +84,9 @@ def test_in_the_mean_over_all_directions_squares_are_those_of_the_whole_differen
 @pytest.mark.parametrize("forearm", [(0.6, -0.8, 0.0), (0.6, 0.8, 0.0)])
 def test_of_what_is_seen_the_angles_are_those_of_the_feature_and_of_what_is_not_seen_none(forearm):
     teacher_m = standing_m(forearm)
-    for segment, turned in (("left_elbow", ()), ("left_hand", (Joint.LEFT_ELBOW, (Joint.LEFT_HAND,)))):
+    for segment, moved in (("left_elbow", ()), ("left_hand", (Joint.LEFT_ELBOW, (Joint.LEFT_HAND,)))):
         columns = [name.startswith(segment) for name in FEATURES[FEATURE].names]
-        across, along = (arm_turned(teacher_m, axis, 12, *turned) for axis in ((0, 0, 1), (0, 1, 0)))
+        across, along = (arm_turned(teacher_m, axis, 12, *moved) for axis in ((0, 0, 1), (0, 1, 0)))
         for learner_m, seen in ((across, True), (along, False)):
             pair = [dance_features(np.repeat(one, 3, axis=0), FEATURE, FPS) for one in (learner_m, teacher_m)]
             found, whole = (
@@ -93,47 +96,6 @@ def test_of_what_is_seen_the_angles_are_those_of_the_feature_and_of_what_is_not_
             determined = pair[0].weights[1, columns] > 0.3
             assert abs(whole[determined]).max() > 5
             assert found[determined] == pytest.approx(whole[determined] if seen else 0.0, abs=1.5)
-
-
-def torso_frame(joints_m, limb):
-    """(3, 3) rows down, to the left, to the front."""
-    of = "SHOULDER" if limb < 2 else "HIP"
-    right_m, left_m = joints_m[Joint[f"RIGHT_{of}"]], joints_m[Joint[f"LEFT_{of}"]]
-    down = (1 if limb < 2 else -1) * (joints_m[Joint.TORSO] - (right_m + left_m) / 2)
-    r = (left_m - right_m) / np.linalg.norm(left_m - right_m)
-    t = np.cross(down, r) / np.linalg.norm(np.cross(down, r))
-    return np.stack([np.cross(r, t), r, t])
-
-
-def slow_difference(danced, taught, ray, turned_by=None):
-    """One direction's difference as `seen_differences` has it, by matrices; `turned_by` is a rotation vector."""
-    middle = (danced + taught) / np.linalg.norm(danced + taught)
-    angle = np.arccos(np.clip(danced @ taught, -1, 1))
-    difference = angle * (danced - taught) / np.linalg.norm(danced - taught)
-    if turned_by is not None:
-        difference = difference - np.cross(turned_by, middle)
-    along = (np.eye(3) - np.outer(middle, middle)) @ ray
-    squared = along @ along
-    seen = (np.eye(3) - np.outer(along, along) / (squared + POINTS_AT_CAMERA)) @ difference
-    return middle, seen, np.sqrt(2 / (2 - squared / (squared + POINTS_AT_CAMERA)))
-
-
-def test_differences_equal_those_of_a_slow_twin():
-    learner_m, teacher_m = JOINTS_M[40:50], dance_joints_m(1)[40:50]
-    rows = np.arange(10)
-    found = seen_differences(learner_m, rows, teacher_m, rows)
-    danced, taught = limb_directions(learner_m), limb_directions(teacher_m)
-    for frame in range(10):
-        torso_m = learner_m[frame, Joint.TORSO]
-        for limb in range(4):
-            ray = torso_frame(learner_m[frame], limb) @ torso_m / np.linalg.norm(torso_m)
-            one, other = danced[frame, limb], taught[frame, limb]
-            middle, upper, factor = slow_difference(one[:3], other[:3], ray)
-            assert found.difference[frame, 0, limb] == pytest.approx(upper, abs=1e-6)
-            assert found.factor[frame, 0, limb] == pytest.approx(factor)
-            _, lower, factor = slow_difference(one[3:], other[3:], ray, np.cross(middle, upper))
-            assert found.difference[frame, 1, limb] == pytest.approx(lower, abs=1e-6)
-            assert found.factor[frame, 1, limb] == pytest.approx(factor)
 
 
 def test_the_left_arms_difference_is_the_left_arms_and_what_the_teacher_does_not_show_is_none():
@@ -168,11 +130,9 @@ def test_errors_along_the_line_of_sight_cost_little_and_a_low_arm_what_it_costs(
     assert guessed.similarity == pytest.approx(low.similarity, abs=5)
 
 
-def test_online_a_mirror_image_and_joints_about_the_hips_are_compared_in_the_same_way(flat):
+def test_a_mirror_image_and_joints_about_the_hips_are_compared_in_the_same_way(flat):
     learner_m = along_the_lines_of_sight(arm_lowered(JOINTS_M, "left", 30), 0.05)
     whole = score_dance(performed(JOINTS_M), performed(learner_m), flat)
-    followed(online := OnlineScorer(performed(JOINTS_M), flat), performed(learner_m))
-    np.testing.assert_equal(online.finish(), whole)
     image = score_dance(performed(JOINTS_M), performed(mirrored(learner_m)), replace(flat, mirrored="true"))
     assert image.similarity == pytest.approx(whole.similarity, abs=0.01)
     centred_m = learner_m - learner_m[:, [Joint.TORSO]]

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dance_learners import arm_lowered, smaller
-from dance_people import FPS, dance_joints_m, followed, noisy, performed
+from dance_people import FPS, dance_joints_m, performed
 
 from kpopnet.dance.features import dance_features
 from kpopnet.dance.noise.sight import segment_differences
 from kpopnet.dance.noise.steady import MOST_EXPECTED_RAD, SEGMENTS, steady_similarity, steady_squared
 from kpopnet.dance.noise.table import NOISE, steady_by_noise
-from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.scoring import OURS, score_dance
 from kpopnet.dance.window import PARTS
 from kpopnet.skeleton import Joint
@@ -42,16 +41,6 @@ def test_a_lowered_arm_is_a_steady_difference_of_its_segments_alone_and_grows_wi
     assert max(others) < 0.1 * found[2]["left_elbow"]
 
 
-def test_the_mean_is_robust_to_noise_that_single_frames_drown_in():
-    learner_m = noisy(JOINTS_M, 0.05, 3)
-    frame = [
-        np.sqrt(np.nanmedian([squared(learner_m[k : k + 1], JOINTS_M[k : k + 1])[name] for k in range(60)]))
-        for name in SEGMENTS
-    ]
-    window = [np.sqrt(squared(learner_m[:60], JOINTS_M[:60])[name]) for name in SEGMENTS]
-    assert np.mean(window) < 0.4 * np.mean(frame)
-
-
 def test_what_is_known_in_too_few_frames_is_not_judged():
     learner_m = JOINTS_M.copy()
     learner_m[: int(0.6 * len(learner_m)), Joint.RIGHT_HAND] = np.nan
@@ -80,14 +69,6 @@ def test_a_steady_fault_costs_where_errors_would_excuse_it_and_costs_more_the_la
     assert (np.diff([perfect.similarity, *(one.similarity for one in scores[:3])]) < -1).all() and scores[3].similarity < 98
     assert scores[2].parts["left arm"] < 60 and scores[2].parts["right arm"] == 100
     assert max(*scores[2].windows.posture, *scores[2].windows.similarity) < 100
-
-
-def test_a_fault_costs_while_it_lasts_online_too(generous):
-    learner = performed(np.concatenate([arm_lowered(JOINTS_M[:180], "left", 40), JOINTS_M[180:]]))
-    score, online = score_dance(performed(JOINTS_M), learner, generous), OnlineScorer(performed(JOINTS_M), generous)
-    assert (score.windows.posture[:8] < 97).all() and (score.windows.posture[-8:] == 100).all()
-    followed(online, learner)
-    np.testing.assert_equal(online.finish(), score)
 
 
 def test_errors_below_the_usual_ones_do_not_excuse_lateness(generous):

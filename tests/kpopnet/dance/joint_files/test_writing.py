@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from dance_people import dance_joints_m, performed, turned
 
-from kpopnet.dance.joint_files.bvh import read_bvh
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.joint_files.writing import write_performance
 from kpopnet.dance.performance import Performance
@@ -41,38 +40,36 @@ def test_joints_times_and_confidence_come_back(suffix, tolerance_m, tmp_path):
         content = json.loads(path.read_text())
         assert content["unit"] == "metre" and "y down" in content["frame"]
         np.testing.assert_allclose(content["frames"][7]["joints"]["head"][:3], dance.joints_m[7, Joint.HEAD], atol=6e-5)
-        assert content["frames"][45]["joints"]["left_hand"] is None
+
+
+def written_and_read(folder, performance) -> Performance:
+    write_performance(folder / "a.bvh", performance)
+    return read_performance(folder / "a.bvh")
 
 
 @pytest.mark.parametrize("turn", [0.0, 3.1])
 def test_a_skeleton_of_constant_bones_comes_back_from_bvh(turn, tmp_path):
     """Wherever the dancer faces. The first writing makes bones constant: a trunk that bends is a line in fifteen joints."""
     joints_m = turned(dance_joints_m(5), [0, 1, 0], np.full(360, turn))
-    write_performance(tmp_path / "a.bvh", performed(joints_m))
-    constant = read_performance(tmp_path / "a.bvh")
+    constant = written_and_read(tmp_path, performed(joints_m))
     assert len(constant) == len(joints_m) and constant.torso_is_derived  # its trunk is one straight bone
     np.testing.assert_allclose(np.diff(constant.times_s), 1 / 30, atol=1e-6)
     assert np.median(np.abs(distances_m(constant.joints_m) - distances_m(joints_m))) < 5e-3
-    write_performance(tmp_path / "b.bvh", constant)
-    again_m = read_performance(tmp_path / "b.bvh").joints_m
+    again_m = written_and_read(tmp_path, constant).joints_m
     np.testing.assert_allclose(distances_m(again_m), distances_m(constant.joints_m), atol=1e-4)
 
 
 def test_bvh_follows_the_clock_where_frames_are_missing_and_fills_gaps(tmp_path):
     dance = recording()
     kept = np.delete(np.arange(len(dance)), np.arange(100, 130))
-    write_performance(tmp_path / "a.bvh", Performance(dance.joints_m[kept], dance.times_s[kept], dance.confidence[kept]))
-    bvh = read_bvh(tmp_path / "a.bvh")
-    assert len(bvh.root) == len(dance) and bvh.fps == pytest.approx(30)
-    assert {"Hips", "Spine", "LeftForeArm", "RightUpLeg", "Head"} <= set(bvh.names)
+    again = written_and_read(tmp_path, Performance(dance.joints_m[kept], dance.times_s[kept], dance.confidence[kept]))
+    assert len(again) == len(dance) and again.times_s[1] == pytest.approx(1 / 30) and np.isfinite(again.joints_m).all()
 
 
 @pytest.mark.parametrize("fps", [4, 1000])
 def test_bvh_of_the_lowest_rate_that_can_be_scored_and_of_the_highest_is_read_again(fps, tmp_path):
-    joints_m = dance_joints_m(3)
-    write_performance(tmp_path / "a.bvh", Performance(joints_m, 0.3 + np.arange(len(joints_m)) / fps))
-    again = read_performance(tmp_path / "a.bvh")
-    assert len(again) == len(joints_m) and again.times_s[1] == pytest.approx(1 / fps)
+    again = written_and_read(tmp_path, performed(dance_joints_m(3), 0.3, fps))
+    assert len(again) == len(dance_joints_m(3)) and again.times_s[1] == pytest.approx(1 / fps)
 
 
 def test_a_single_frame_and_straight_opposite_limbs_make_a_bvh(tmp_path):
@@ -82,12 +79,9 @@ def test_a_single_frame_and_straight_opposite_limbs_make_a_bvh(tmp_path):
         inwards = joints_m[:, Joint.LEFT_SHOULDER] - joints_m[:, Joint.RIGHT_SHOULDER]
         joints_m[:, Joint[f"{side}_ELBOW"]] = shoulder + sign * 0.8 * inwards
         joints_m[:, Joint[f"{side}_HAND"]] = shoulder + sign * 1.5 * inwards
-    write_performance(tmp_path / "a.bvh", performed(joints_m))
-    again_m = read_performance(tmp_path / "a.bvh").joints_m
     hands = [Joint.LEFT_HAND, Joint.RIGHT_HAND]
-    np.testing.assert_allclose(
-        distances_m(again_m)[:, hands][:, :, hands], distances_m(joints_m)[:, hands][:, :, hands], atol=2e-3
-    )
+    again_m, joints_m = written_and_read(tmp_path, performed(joints_m)).joints_m[:, hands], joints_m[:, hands]
+    np.testing.assert_allclose(distances_m(again_m), distances_m(joints_m), atol=2e-3)
 
 
 def test_what_cannot_be_written_is_told_in_one_line(tmp_path):
