@@ -4,6 +4,7 @@ The difference between a network's score and this baseline's is what the network
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.data.cube import person_centre
@@ -16,7 +17,7 @@ class MeanPoseEstimator:
 
     name = "mean_pose"
 
-    def __init__(self, mean_pose_m: np.ndarray) -> None:
+    def __init__(self, mean_pose_m: ArrayLike) -> None:
         """`mean_pose_m`: (15, 3) metres relative to the person's centre (`person_centre`), along the camera's axes."""
         self.mean_pose_m = np.asarray(mean_pose_m, np.float32).reshape(NUM_JOINTS, 3)
 

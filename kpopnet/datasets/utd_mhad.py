@@ -117,21 +117,21 @@ class UtdMhadBenchmark:
 
     def _read_depth(self, name: str) -> np.ndarray:
         path = self.folder / "Depth" / f"{name}_depth.mat"
-        stored = read_variable(path, "d_depth", ArraySchema("uf", (STORED_CAMERA.height, STORED_CAMERA.width, None)))
-        return depth_in_metres(np.ascontiguousarray(stored.transpose(2, 0, 1)), STORED_CAMERA, where=str(path))
+        stored = _read_frames(path, "d_depth", ArraySchema("uf", (STORED_CAMERA.height, STORED_CAMERA.width, None)))
+        return depth_in_metres(np.ascontiguousarray(stored), STORED_CAMERA, where=str(path))
 
     def _read_skeleton(self, name: str) -> np.ndarray:
         """(S, 20, 3) float64 metres in the camera frame of the mirrored image, y down; NaN where a joint is absent."""
         path = self.folder / "Skeleton" / f"{name}_skeleton.mat"
-        stored = read_variable(path, "d_skel", ArraySchema("f", (len(KINECT_JOINTS), 3, None)))
-        skeleton_m = stored.transpose(2, 0, 1).astype(np.float64)
+        stored = _read_frames(path, "d_skel", ArraySchema("f", (len(KINECT_JOINTS), 3, None)))
+        skeleton_m = stored.astype(np.float64)
         absent = ~np.isfinite(skeleton_m).all(axis=-1) | (skeleton_m == 0).all(axis=-1)
         skeleton_m[absent] = np.nan
         return skeleton_m * [1, -1, 1]
 
 
-def read_variable(path: Path, variable: str, schema: ArraySchema) -> np.ndarray:
-    """One variable of a MATLAB file of version 5 to 7; raises InputError if the file or the variable is not as expected."""
+def _read_frames(path: Path, variable: str, schema: ArraySchema) -> np.ndarray:
+    """A variable of a MATLAB file of version 5 to 7, its last axis first; InputError if file or variable is not as expected."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     problem = "not a complete MATLAB file; download it again"
@@ -140,7 +140,7 @@ def read_variable(path: Path, variable: str, schema: ArraySchema) -> np.ndarray:
     stored = found[variable]
     check_array(f"{path}: {variable}", stored.shape, stored.dtype, schema)
     expect(stored.size > 0, f"{path}: {variable}", "at least one frame")
-    return stored
+    return stored.transpose(2, 0, 1)
 
 
 def shift_labels(skeleton_m: np.ndarray, lag: int, frames: int) -> np.ndarray:

@@ -8,8 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.baselines.tree_walk.walking import TreeWalkEstimator, TreeWalkEstimatorConfig
 from kpopnet.datasets.dances.dance_set import KpopConfig, KpopSet, open_set
@@ -25,7 +23,6 @@ from kpopnet.networks.backend import read_description
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.paper_tracker.tracker import PaperTrackerConfig, PaperTrackerEstimator
 from kpopnet.pose.person import PersonEstimator
-from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 from kpopnet.tracker.refine import FittedEstimator
 
@@ -79,10 +76,14 @@ def _tracker(config: TrackerEstimatorConfig) -> Estimator:
 
 
 def _mean_pose(config: MeanPoseConfig) -> Estimator:
-    pose = _known_mean_pose_m(config.checkpoint)
-    if pose is None:
+    if (known := _known_mean_pose(config.checkpoint)) is None:
         raise InputError(f"{config.checkpoint}: its description holds no mean_pose_m, which estimator=mean_pose needs")
-    return MeanPoseEstimator(pose)
+    return known
+
+
+def _known_mean_pose(checkpoint: str | None) -> MeanPoseEstimator | None:
+    pose_m = read_description(checkpoint).get("mean_pose_m")
+    return None if pose_m is None else MeanPoseEstimator(pose_m)
 
 
 BENCHMARKS: dict[str, tuple[type, Callable[[Any], Benchmark | KpopSet | PeopleSet]]] = {
@@ -133,12 +134,6 @@ def build_estimators(configs: dict[str, Any]) -> dict[str, Estimator]:
     built = {name: builders[type(config)](config) for name, config in configs.items()}
     checkpoints = [config.checkpoint for config in configs.values() if hasattr(config, "checkpoint")]
     if checkpoints and not any(isinstance(one, MeanPoseEstimator) for one in built.values()):
-        pose = _known_mean_pose_m(checkpoints[0])
-        if pose is not None:
-            built["mean_pose"] = MeanPoseEstimator(pose)
+        known = _known_mean_pose(checkpoints[0])
+        built |= {} if known is None else {known.name: known}
     return built
-
-
-def _known_mean_pose_m(checkpoint: str | None) -> np.ndarray | None:
-    pose = read_description(checkpoint).get("mean_pose_m")
-    return None if pose is None else np.array(pose, np.float32).reshape(NUM_JOINTS, 3)

@@ -19,7 +19,7 @@ from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.evaluation.values import Table
-from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
+from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished, write_json
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
 
@@ -95,6 +95,11 @@ def interval_remarks(units: str, number: int, note: str = "") -> list[str]:
     ]
 
 
+def made_by() -> dict:
+    """The code that makes a file of figures, and when."""
+    return {"git": git_revision(), "made": datetime.now(UTC).isoformat(timespec="seconds")}
+
+
 def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
     """Writes the report into the folder, which holds its figures and views. Each file appears whole or not at all.
 
@@ -102,14 +107,14 @@ def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
     stands in the name of a file for a byte that is no UTF-8, becomes a backslash escape. Raises ValueError if a metric is NaN
     or infinite; all but metrics.json is written all the same.
     """
-    settings, git = asdict(config), git_revision()
+    settings = asdict(config)
     made = {
         "files": config.files(),
         "config": json.loads(json.dumps(settings), parse_constant=lambda name: str(float(name))),  # "inf": JSON has no number
         "config_hash": hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:12],
-        "git": git,
-        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        **made_by(),
     }
+    git = made["git"]
     files = (
         f"{name} {' '.join(f'{setting}={file}' for setting, file in paths.items()) or 'no file'}"
         for name, paths in made["files"].items()
@@ -128,7 +133,7 @@ def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
         (folder / "tables").mkdir(exist_ok=True)
         write_text(folder / "tables" / f"{name}.csv", table.csv())
         write_text(folder / "tables" / f"{name}.tex", table.latex())
-    write_text(folder / "metrics.json", json.dumps(report.metrics | made, indent=2, allow_nan=False) + "\n")
+    write_json(folder / "metrics.json", report.metrics | made, allow_nan=False)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -11,7 +11,6 @@ coordinates of `kpopnet.data.cube`. These are metric at the person's distance, s
 by depth: the cube has normalised them.
 """
 
-import json
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -25,7 +24,7 @@ from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.data.cube import crop, person_cubes
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.input_files import ArraySchema, check_array, check_fields, expect, read_json, read_with
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import BONES, JOINT_NAMES, NUM_JOINTS, Joint
@@ -171,8 +170,7 @@ class TreeWalkModel:
             save_file({name: np.ascontiguousarray(array) for name, array in self.trees._asdict().items()}, part)
         made = {"git": git_revision(), "packages": {name: version(name) for name in ("numba", "numpy", "safetensors")}}
         kind = {"format": FORMAT, "version": VERSION, "crop_px": self.crop_px, "half_size_m": HALF_SIZE_M}
-        with atomic_path(folder / META) as part:
-            part.write_text(json.dumps(kind | described | {"joint_names": JOINT_NAMES} | made, indent=2) + "\n")
+        write_json(folder / META, kind | described | {"joint_names": JOINT_NAMES} | made)
 
     @classmethod
     def load(cls, folder: Path | str) -> "TreeWalkModel":

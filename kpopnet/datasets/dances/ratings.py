@@ -1,6 +1,5 @@
 """What people answered who compared learners of a dance pair by pair: FOLDER/ratings/RATER.json (docs/kpop_format.md)."""
 
-import json
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -9,7 +8,7 @@ import numpy as np
 
 from kpopnet.datasets.dances.dance_set import is_learner_name
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.input_files import check_fields, check_names, expect, read_json, settings_from
 
 RATINGS = "ratings"
@@ -86,9 +85,7 @@ def read_ratings(path: Path, dances: dict[str, list[str]]) -> list[Answer]:
 def write_ratings(path: Path, answers: list[Answer]) -> None:
     """Writes the file of a rater, whole or not at all."""
     content = {"format": FORMAT, "version": VERSION, "rater": path.stem, "answers": [asdict(one) for one in answers]}
-    path.parent.mkdir(exist_ok=True)
-    with atomic_path(path) as part:
-        part.write_text(json.dumps(content, indent=0, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_json(path, content)
 
 
 def read_all_ratings(folder: Path, dances: dict[str, list[str]]) -> dict[str, list[Answer]]:

@@ -1,12 +1,11 @@
 """The acceptance sheet as a table, as Markdown, as JSON and in pictures: figures held against two gates each."""
 
-import json
 import math
 import os
 import platform
 import re
 from collections.abc import Callable
-from datetime import UTC, datetime
+from itertools import product
 from operator import ge, le
 from pathlib import Path
 from typing import NamedTuple
@@ -17,10 +16,10 @@ from kpopnet.camera import MM_PER_METRE
 from kpopnet.evaluation.acceptance.figures import exchanges, false_people, gaps, present
 from kpopnet.evaluation.acceptance.watched import Watched
 from kpopnet.evaluation.poses.metrics import joint_errors_m
-from kpopnet.evaluation.report import Picture, as_markdown, write_text
+from kpopnet.evaluation.report import Picture, as_markdown, made_by, write_text
 from kpopnet.evaluation.values import Table, Value
+from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.cpu import available_cores
-from kpopnet.runtime.provenance import git_revision
 from kpopnet.viz.drawing import ESTIMATED, TRUE, save_png, scene_tile, sheet
 
 EMPTY_S = 600.0
@@ -125,19 +124,11 @@ def write(folder: Path, shown: list[str | Table], found: dict[str, Figures], run
 
     `about` are other entries of the JSON file.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    entries = {
-        name: {
-            line.key: {
-                "value": _stated(one[line.key]),
-                **({"users_gate": line.gate, "our_gate": line.ours, "verdict": verdict(line, one)} if line.compare else {}),
-            }
-            for line in LINES
-        }
-        for name, one in found.items()
-    }
-    made = {"git": git_revision(), "made": datetime.now(UTC).isoformat(timespec="seconds")}
-    write_text(folder / "check.json", json.dumps(about | {"sheet": entries} | made, indent=1, allow_nan=False) + "\n")
+    entries: dict[str, dict] = {name: {} for name in found}
+    for line, (name, one) in product(LINES, found.items()):
+        gates = {"users_gate": line.gate, "our_gate": line.ours, "verdict": verdict(line, one)} if line.compare else {}
+        entries[name][line.key] = {"value": _stated(one[line.key]), **gates}
+    write_json(folder / "check.json", about | {"sheet": entries} | made_by(), allow_nan=False)
     written = [folder / "check.md", folder / "check.json"]
     tiles = [tile(run, number, caption) for run in runs for number, caption in moments(run) if number in run.images]
     tiles, pictures = tiles[:MOST_TILES], []

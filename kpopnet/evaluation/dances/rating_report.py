@@ -1,7 +1,5 @@
 """The report on raters of a set of dances: their agreement, their consistency, and scorers beside them."""
 
-from datetime import UTC, datetime
-
 import numpy as np
 
 from kpopnet.dance.scoring import SCORERS
@@ -13,8 +11,8 @@ from kpopnet.evaluation.dances.raters import Estimate, against, alpha, consisten
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.evaluation.registry import BestConfig
+from kpopnet.evaluation.report import made_by
 from kpopnet.evaluation.values import Table, Value, plain
-from kpopnet.runtime.provenance import git_revision
 
 DEFINITIONS = (
     "Ranks of a rater: by pairs won within a dance, equal ones as half; a dance counts for a rater when all its pairs are "
@@ -64,9 +62,9 @@ def rating_report(
         ),
         Table(["scorer", *COMPARED], [[scorer, *_compared(one)] for scorer, one in scorers.items()]),
     ]
-    made = {"git": git_revision(), "made": datetime.now(UTC).isoformat(timespec="seconds"), "seed": seed}
+    about = {"set": name, "origin": origin.value, "joints": source, "failed_dances": failed}
     figures = {"agreement": agreement, "raters": raters, "scorers": scorers}
-    return blocks, plain({"set": name, "origin": origin.value, "joints": source, "failed_dances": failed, **figures, **made})
+    return blocks, plain(about | figures | made_by() | {"seed": seed})
 
 
 COMPARED = ("pairs in agreement", "Kendall's tau", "dances")
