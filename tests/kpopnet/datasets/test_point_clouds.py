@@ -1,13 +1,16 @@
 """The readers of EVAL and SMMC-10 on files packed by hand, field by field, in the published layouts."""
 
 import logging
+import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from point_cloud_files import CAMERAS, FIRST, FRAMES, points_of, position_m, scene, smmc10_frame
 
-from kpopnet.datasets.point_clouds import EvalBenchmark, PointCloudConfig, Smmc10Benchmark, checked_map
+from kpopnet.datasets import describe
+from kpopnet.datasets.point_clouds import EvalBenchmark, PointCloudConfig, Smmc10Benchmark
 from kpopnet.errors import InputError
 from kpopnet.evaluation.registry import build_benchmark
 from kpopnet.skeleton import Joint
@@ -92,23 +95,19 @@ def test_what_is_left_out_is_logged(path, name, caplog):
     np.testing.assert_array_equal(sequence.visible, present)
 
 
-def test_without_a_matching_map_the_error_says_what_lists_the_ids(path):
-    for joints, message in ((dict.fromkeys(MAP), r"needs benchmark\.joints"), ({"head": 2}, "holds the joints of the map")):
-        with pytest.raises(InputError, match=rf"{message}.*`python -m kpopnet\.datasets\.describe .*` lists"):
-            read(path, joints)
-
-
 @pytest.mark.parametrize(
     ("joints", "message"),
     [
-        ({"nose": 3}, "nose: expected one of the joints head, neck"),
-        ({"head": True}, "head: expected ids, found True"),
-        ({"head": 3, "neck": [3]}, r"head and neck: expected different ids, found \[3\] for both"),
+        (dict.fromkeys(MAP), r"needs benchmark\.joints.*`python -m kpopnet\.datasets\.describe .*` lists"),
+        ({"head": 2}, r"holds the joints of the map.*`python -m kpopnet\.datasets\.describe .*` lists"),
+        ({"nose": 3}, "benchmark.joints: nose: expected one of the joints head, neck"),
+        ({"head": True}, "benchmark.joints: head: expected ids, found True"),
+        ({"head": 3, "neck": [3]}, r"benchmark.joints: head and neck: expected different ids, found \[3\] for both"),
     ],
 )
-def test_invalid_maps_are_refused(joints, message):
-    with pytest.raises(InputError, match=f"benchmark.joints: {message}"):
-        checked_map(joints)
+def test_a_map_that_does_not_fit_is_refused(path, joints, message):
+    with pytest.raises(InputError, match=message):
+        read(path, joints)
 
 
 def test_sequences_are_listed_by_number_then_subject(tmp_path):
@@ -127,3 +126,23 @@ def test_a_folder_without_the_set_and_a_simulated_one_are_refused(path, name, tm
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match=r"no sequence of .* in it; give the folder that holds"):
         build_benchmark(PointCloudConfig(name, str(tmp_path / "empty"), MAP))
+
+
+def test_ids_are_listed_with_their_positions_and_drawn_there(tmp_path, name, monkeypatch, capsys):
+    """Two frames: id 7 in both, id 3 in the first."""
+    joints, file, camera = [(7, (0.25, -0.5, 1.75)), (3, (-0.5, 0.25, 1.5))], tmp_path / FIRST[name], CAMERAS[name]
+    file.write_bytes(FRAMES[name](0, joints=joints) + FRAMES[name](1, joints=joints[:1]))
+    for given in (tmp_path, file):
+        monkeypatch.setattr(sys, "argv", ["describe", str(given), "--figure", str(tmp_path / "ids.png")])
+        describe.main()
+        text = capsys.readouterr().out
+        assert "2 frames" in text and f"benchmark={name} benchmark.path={tmp_path} " in text
+        assert "  3: in 50 % of the frames, first at (-0.50, 0.25, 1.50) m" in text
+        assert "  7: in 100 % of the frames, first at (0.25, -0.50, 1.75) m" in text
+    figure, scale = cv2.imread(str(tmp_path / "ids.png")), 960 / camera.width
+    u, v, _ = camera.project(np.array([0.25, -0.5, 1.75]))
+    blue, _, red = figure[round((v + 0.5) * scale), round((u + 0.5) * scale)].astype(int)
+    assert figure.shape[1] == 960 and red > 180 and blue < 80
+    (tmp_path / "other").mkdir()
+    with pytest.raises(InputError, match="expected sequences of SMMC-10 or EVAL, whose joints have ids, found nothing"):
+        describe.recognised(tmp_path / "other")

@@ -12,8 +12,9 @@ from kpopnet.errors import InputError
 DANCES = {f"dance_{index}": ["ann", "bo", "cy", "di"] for index in range(20)}
 
 
-def test_every_pair_is_shown_once_and_one_of_each_dance_again_with_sides_swapped():
-    pairs = all_pairs(DANCES, "eve", 0)
+@pytest.mark.parametrize("rater", ["eve", "fay", "gil"])
+def test_every_pair_is_shown_once_and_one_of_each_dance_again_with_sides_swapped(rater):
+    pairs = all_pairs(DANCES, rater, 0)
     first, again = ([one for one in pairs if one.repeat is repeat] for repeat in (False, True))
     assert len({one.pair for one in pairs}) == len(pairs) and Counter(one.dance for one in first) == dict.fromkeys(DANCES, 6)
     assert Counter(one.dance for one in again) == dict.fromkeys(DANCES, 1)
@@ -22,20 +23,6 @@ def test_every_pair_is_shown_once_and_one_of_each_dance_again_with_sides_swapped
         before = places[one.dance, one.pair[1], False]
         assert (pairs[before].left, pairs[before].right) == (one.right, one.left)
         assert places[one.pair] - before >= (5 if one is pairs[-1] else 8)  # no person remembers many pairs
-
-
-@pytest.mark.parametrize("learners", [3, 4, 5])
-@pytest.mark.parametrize("dances", [1, 2, 3])
-def test_a_pair_is_not_shown_again_soon_however_small_the_set(dances, learners):
-    names = {f"dance_{index}": [f"learner {number}" for number in range(learners)] for index in range(dances)}
-    repeated = set()
-    for rater in map(str, range(60)):
-        pairs = [(one.dance, frozenset((one.left, one.right))) for one in all_pairs(names, rater, 0)]
-        again = {pair: [number for number, one in enumerate(pairs) if one == pair] for pair in pairs if pairs.count(pair) == 2}
-        assert len(again) == dances
-        assert all(second - first >= max(3, learners * (learners - 1) // 3) for first, second in again.values())
-        repeated |= again.keys()
-    assert len(repeated) == len({*pairs})  # any may come again
 
 
 def test_orders_differ_between_raters_and_seeds_and_not_between_runs():

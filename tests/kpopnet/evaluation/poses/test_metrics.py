@@ -152,18 +152,13 @@ def test_a_frame_whose_label_was_given_is_not_scored():
     assert found == expected and found["images"] == 8
 
 
-def two_estimators(rng, shared: float, own: float):
-    """Results of two estimators in 20 rooms; the second one's errors are 1 cm larger, and both are larger in hard rooms."""
-    room = np.repeat(np.arange(20), 5)
-    hard = 0.05 + shared * rng.random(20)[room, None]
-    lengths = [hard + extra + own * rng.random((100, 15)) for extra in (0.0, 0.01)]
-    direction = np.array([1.0, 0, 0])
-    truth = np.zeros((100, 15, 3))
-    return [pose_results(truth, length[..., None] * direction, unit=room) for length in lengths]
-
-
 def test_paired_intervals_are_narrower_where_estimators_share_their_errors():
-    near, far = two_estimators(np.random.default_rng(8), shared=0.1, own=0.01)
+    """Two estimators in 20 rooms: the second one's errors are 1 cm larger, and both are larger in hard rooms."""
+    rng, room = np.random.default_rng(8), np.repeat(np.arange(20), 5)
+    hard_m = 0.05 + 0.1 * rng.random(20)[room, None]
+    lengths_m = [hard_m + extra_m + 0.01 * rng.random((100, 15)) for extra_m in (0.0, 0.01)]
+    truth = np.zeros((100, 15, 3))
+    near, far = (pose_results(truth, length_m[..., None] * (1.0, 0, 0), unit=room) for length_m in lengths_m)
     found = difference(far, near)
     low, high = found["mean_error_cm"]["interval"]
     assert found["mean_error_cm"]["value"] == pytest.approx(1, abs=0.05) and low < 1.02 and high > 0.98

@@ -52,10 +52,7 @@ def test_the_report_holds_the_errors_their_differences_and_all_its_files(films, 
         assert "difference from near" in report and "-33.33 points" in report
     links = re.findall(r"\[[^]]*\]\(([^)]*)\)", text)
     assert links and all((tmp_path / "report" / link).is_file() for link in links)
-    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
-    assert sources and all(source.startswith("data:image/png;base64,") for source in sources)
-    assert page.count("<iframe sandbox=") == 3
-    assert films.without(["far"]).differences == {}
+    assert page.count("data:image/png;base64,") == len(found["pictures"]) and page.count("<iframe sandbox=") == 3
 
 
 @pytest.mark.parametrize(
