@@ -173,9 +173,10 @@ def measured(benchmark: Benchmark, ways: dict[str, list[str]], pairs: list[str],
     """Runs all networks on the benchmark: `compare` of the raw joints, and in the labels' definition where there is one."""
     networks: dict[str, Estimator] = {run: NetworkEstimator(run) for runs in ways.values() for run in runs}
     run = run_benchmark(benchmark, networks, processes=processes)
-    if run.failed:
-        raise InputError(f"{benchmark.name}: {', '.join(run.failed)} failed")
-    found = {"unit": run.resampled.units, "units": run.resampled.count, "raw": compare(run.results, ways, pairs)}
+    if failed := run.about["failed_sequences"]:
+        raise InputError(f"{benchmark.name}: {', '.join(failed)} failed")
+    resampled = run.about["resampled"]
+    found = {"unit": resampled["units"], "units": resampled["count"], "raw": compare(run.results, ways, pairs)}
     if hasattr(benchmark, "label_definition"):
         found["in_label_definition"] = compare(in_the_labels_definition(run.results), ways, pairs)
     return found

@@ -18,7 +18,6 @@ from kpopnet.viz.drawing import depth_rgb, enlarged, save_png, write
 
 WIDTH_PX = 960
 MARK_RGB = (225, 25, 45)
-SETS: tuple[type[PointCloudBenchmark], ...] = (Smmc10Benchmark, EvalBenchmark)
 
 
 def recognised(path: Path) -> tuple[type[PointCloudBenchmark], Path]:
@@ -26,17 +25,17 @@ def recognised(path: Path) -> tuple[type[PointCloudBenchmark], Path]:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     folder = path.parent if path.is_file() else path
-    for kind in SETS:
+    for kind in (Smmc10Benchmark, EvalBenchmark):
         if names := kind.names_in(folder):
             return kind, path if path.is_file() else kind.path(folder, names[0])
     found = ", ".join(sorted(entry.name for entry in folder.iterdir())[:5]) or "nothing"
     raise InputError(
-        f"{folder}: expected sequences of {' or '.join(kind.set_name for kind in SETS)}, whose joints have ids, found {found}; "
-        "other sets need no map: python evaluate.py --help"
+        f"{folder}: expected sequences of SMMC-10 or EVAL, whose joints have ids, found {found}; other sets need no map: "
+        "python evaluate.py --help"
     )
 
 
-def describe(kind: type[PointCloudBenchmark], path: Path, found: PointRecording) -> Iterator[str]:
+def described(kind: type[PointCloudBenchmark], path: Path, found: PointRecording) -> Iterator[str]:
     """Lines on a sequence of a set and its ids."""
     yield f"{kind.set_name}: {path.name}, {len(found.depth_m)} frames of the {found.camera}, with the ids"
     for number in sorted(found.positions_m):
@@ -69,8 +68,7 @@ def main() -> None:
     options = parser.parse_args()
     kind, path = recognised(options.path)
     found = kind.recording(path)
-    for line in describe(kind, path, found):
-        print(line)
+    print("\n".join(described(kind, path, found)))
     if options.figure is not None:
         save_png(options.figure, id_figure(found))
         print(f"ids: {options.figure}")

@@ -11,10 +11,10 @@ coordinates of `kpopnet.data.cube`. These are metric at the person's distance, s
 by depth: the cube has normalised them.
 """
 
+from collections import namedtuple
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -57,15 +57,19 @@ ORDER = np.array(sorted(Joint, key=(Joint.TORSO, Joint.NECK, *Joint).index), np.
 """(15,) joints in the order of their walks, parents before children."""
 
 
-class Trees(NamedTuple):
-    """The trees of all joints, concatenated into one set of arrays for numba."""
+SCHEMA = {
+    "root": ArraySchema("i", (NUM_JOINTS,)),  # root node of each joint's tree
+    # child for features below the threshold, the other child is the next node; or -1 - leaf
+    "child": ArraySchema("i", ("nodes",)),
+    "threshold": ArraySchema("i", ("nodes",)),  # of the feature
+    "probe": ArraySchema("i", ("nodes", 5)),  # see `feature`
+    "direction": ArraySchema("f", ("leaves", "directions", 3)),  # unit vectors in (u, v, d), the directions of each leaf
+    "share": ArraySchema("f", ("leaves", "directions")),  # cumulative probabilities of the directions, up to 1
+}
+"""The arrays of a model's file: int32, int16 probes and float32."""
 
-    root: np.ndarray  # (15,) int32 root node of each joint's tree
-    child: np.ndarray  # (N,) int32 child for features below the threshold, the other child is the next node; or -1 - leaf
-    threshold: np.ndarray  # (N,) int32 threshold of the feature
-    probe: np.ndarray  # (N, 5) int16, see `feature`
-    direction: np.ndarray  # (L, K, 3) float32 unit vectors in (u, v, d), the directions of each leaf
-    share: np.ndarray  # (L, K) float32 cumulative probabilities of the directions, up to 1
+Trees = namedtuple("Trees", SCHEMA)
+"""The trees of all joints, concatenated into one set of arrays for numba."""
 
 
 def integer_image(crop: np.ndarray) -> np.ndarray:
@@ -146,16 +150,6 @@ def walk(image, trees, key):
     return mean
 
 
-_SCHEMA = {
-    "root": ArraySchema("i", (NUM_JOINTS,)),
-    "child": ArraySchema("i", ("nodes",)),
-    "threshold": ArraySchema("i", ("nodes",)),
-    "probe": ArraySchema("i", ("nodes", 5)),
-    "direction": ArraySchema("f", ("leaves", "directions", 3)),
-    "share": ArraySchema("f", ("leaves", "directions")),
-}
-
-
 @dataclass(frozen=True)
 class TreeWalkModel:
     """A trained model: the trees of all joints, and the side in pixels of the cube's image that they read."""
@@ -191,7 +185,7 @@ def _read_trees(path: Path) -> Trees:
     """The trees, checked so that every walk ends and stays within the arrays."""
     arrays = read_with(load_file, path, "missing, damaged or of another format")
     lengths: dict[str, int] = {}
-    for name, schema in _SCHEMA.items():
+    for name, schema in SCHEMA.items():
         expect(name in arrays, str(path), f"an array {name}")
         check_array(f"{path}: {name}", arrays[name].shape, arrays[name].dtype, schema, lengths)
     trees = Trees(*(arrays[name] for name in Trees._fields))

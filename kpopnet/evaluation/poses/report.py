@@ -103,8 +103,8 @@ def pose_report(run: PoseRun, folder: Path, seed: int, sweep: Sweep | None = Non
 
 def remarks(run: PoseRun) -> list[str]:
     """Benchmark, origin of the depth and of the true joints, size, and what else is needed to interpret the metrics."""
-    benchmark, main = run.benchmark, run.metrics[run.main]
-    evaluated, in_set = len(main["per_sequence"]), run.sequences_in_set
+    benchmark, main, about = run.benchmark, run.metrics[run.main], run.about
+    evaluated, in_set, failed = len(main["per_sequence"]), about["sequences_in_set"], about["failed_sequences"]
     lines = [
         f"{benchmark.name}: {benchmark.origin.value.upper()} depth, compared with {benchmark.truth}; {main['images']} images "
         f"in {evaluated}{'' if evaluated == in_set else f' of {in_set}'} sequences.",
@@ -112,21 +112,20 @@ def remarks(run: PoseRun) -> list[str]:
     ]
     if benchmark.origin is Origin.SIMULATED:
         lines.append(SIMULATED)
-    chosen = len(run.results[run.main].sequence_names) + len(run.failed)
-    if chosen < in_set:
+    if (chosen := about["sequences"] + len(failed)) < in_set:
         lines.append(f"Partial evaluation: {chosen} of {in_set} sequences, evenly spaced; not a result on the whole set.")
-    if run.extraction_fps is not None:
+    if about["extraction"] is not None:
         lines.append(
-            f"The depth shows whole scenes: extraction={run.extraction} segmented the person first, at "
-            f"{run.extraction_fps:.1f} frames per second. The frames per second of the estimators exclude this step."
+            f"The depth shows whole scenes: extraction={about['extraction']} segmented the person first, at "
+            f"{about['extraction_fps']:.1f} frames per second. The frames per second of the estimators exclude this step."
         )
-    for name in run.started_from_label:
+    for name in about["started_from_label"]:
         lines.append(f"{name} was given the first true pose of every sequence (start=label); it is not scored in that frame.")
-    if run.images_without_person:
-        lines.append(f"{run.images_without_person} images show no person; their joints count as missing.")
-    lines += [f"Left out because of an error: {name}: {reason}" for name, reason in run.failed.items()]
+    if about["images_without_person"]:
+        lines.append(f"{about['images_without_person']} images show no person; their joints count as missing.")
+    lines += [f"Left out because of an error: {name}: {reason}" for name, reason in failed.items()]
     lines += future_remark([name for name, one in run.metrics.items() if one["sees_future"]])
-    units, count, people = run.resampled
+    units, count, people = about["resampled"].values()
     note = "; all stills in one room, from one camera, are one unit" if units == "rooms" else ""
     if people is not None:
         note += f"; the set shows {people} {'people' if people > 1 else 'person'}"
@@ -136,30 +135,13 @@ def remarks(run: PoseRun) -> list[str]:
 def pose_metrics(run: PoseRun) -> dict:
     """metrics.json: metrics of the main estimator, of every estimator under `estimators`, and the benchmark.
 
-    `mean_pose_error_cm` is the mean joint error of the mean pose baseline, null where no mean pose is known. `benchmark` has
-    seed, version and config_hash of a simulated set, null of a real one, and `resampled` (`Resampled`).
+    `mean_pose_error_cm` is the mean joint error of the mean pose baseline, null where no mean pose is known.
     """
-    metrics = run.metrics[run.main]
-    provenance = getattr(run.benchmark, "provenance", {})
     return {
         "estimator": run.main,
-        **metrics,
+        **run.metrics[run.main],
         "mean_pose_error_cm": run.metrics.get("mean_pose", {}).get("mean_error_cm"),
-        "benchmark": {
-            "name": run.benchmark.name,
-            "depth": run.benchmark.origin.value,
-            "against": run.benchmark.truth,
-            "about": run.benchmark.about,
-            **{key: provenance.get(key) for key in ("seed", "version", "config_hash")},
-            "sequences": len(run.results[run.main].sequence_names),
-            "sequences_in_set": run.sequences_in_set,
-            "failed_sequences": run.failed,
-            "images_without_person": run.images_without_person,
-            "started_from_label": run.started_from_label,
-            "extraction": run.extraction,
-            "extraction_fps": run.extraction_fps,
-            "resampled": run.resampled._asdict(),
-        },
+        "benchmark": run.about,
         "estimators": run.metrics,
         "differences": {"from": run.main, "estimators": run.differences},
     }

@@ -80,14 +80,6 @@ def _estimated(estimator: Estimator, depth_m: np.ndarray, camera: Camera, stills
     return Estimate(*map(np.concatenate, zip(*alone, strict=True)))
 
 
-class Resampled(NamedTuple):
-    """What the bootstrap intervals of a run resample."""
-
-    units: str  # "rooms" where sequences share rooms and cameras, else "people", or "sequences" where some people are unknown
-    count: int
-    people: int | None  # number of different people; None where some are unknown
-
-
 @dataclass(frozen=True)
 class PoseRun:
     """The results of one evaluation; dicts are by the estimator's name, in the order of the report."""
@@ -98,13 +90,7 @@ class PoseRun:
     # alone; `sees_future`: whether it uses later images.
     metrics: dict[str, dict]
     differences: dict[str, dict]  # `metrics.difference` of every estimator but the first from the first one
-    resampled: Resampled
-    failed: dict[str, str]  # the error message of each sequence without results, by the sequence's name
-    sequences_in_set: int  # evaluated or not
-    images_without_person: int  # frames without any depth, or in which no person was detected
-    started_from_label: list[str]  # the estimators that were given the first true pose of each sequence
-    extraction: str | None = None  # what segmented the person, once for all; None where the depth of the set is segmented
-    extraction_fps: float | None = None  # its frames per second; None likewise
+    about: dict  # the benchmark and what was done with it: "benchmark" in metrics.json
 
     @property
     def main(self) -> str:
@@ -115,7 +101,8 @@ class PoseRun:
         """A copy without some estimators, of which the main one is none."""
         parts = ("results", "metrics", "differences")
         kept = {part: {name: one for name, one in getattr(self, part).items() if name not in names} for part in parts}
-        return replace(self, started_from_label=[name for name in self.started_from_label if name not in names], **kept)
+        started = [name for name in self.about["started_from_label"] if name not in names]
+        return replace(self, about=self.about | {"started_from_label": started}, **kept)
 
 
 def run_benchmark(
@@ -153,25 +140,32 @@ def run_benchmark(
         films = [part.label_free[label] for part in parts if part.label_free]
         metrics[label]["label_free"] = plain(pooled(films)) if films else None
     first, *others = results
-    return PoseRun(
-        benchmark=benchmark,
-        results=results,
-        metrics=metrics,
-        differences={label: difference(results[label], results[first], seed) for label in others},
-        resampled=resampled,
-        failed=failed,
-        sequences_in_set=len(names),
-        images_without_person=sum(part.images_without_person for part in parts),
-        started_from_label=[label for label, one in estimators.items() if starts_from_label(one)],
-        extraction=extraction_name(extraction) if extracted else None,
-        extraction_fps=len(unit) / max(sum(extracted), 1e-9) if extracted else None,
-    )
+    about = {
+        "sequences": len(results[first].sequence_names),
+        "sequences_in_set": len(names),
+        "failed_sequences": failed,
+        "images_without_person": sum(part.images_without_person for part in parts),
+        "started_from_label": [label for label, one in estimators.items() if starts_from_label(one)],
+        "extraction": extraction_name(extraction) if extracted else None,
+        "extraction_fps": len(unit) / max(sum(extracted), 1e-9) if extracted else None,
+        "resampled": resampled,
+    }
+    differences = {label: difference(results[label], results[first], seed) for label in others}
+    return PoseRun(benchmark, results, metrics, differences, _described(benchmark) | about)
 
 
-def _resampled(results: PoseResults) -> tuple[Resampled, np.ndarray]:
+def _described(benchmark: Benchmark) -> dict:
+    """The benchmark in metrics.json; with seed, version and config_hash of a simulated set, null of a real one."""
+    provenance = getattr(benchmark, "provenance", {})
+    known = {"name": benchmark.name, "depth": benchmark.origin.value, "against": benchmark.truth, "about": benchmark.about}
+    return known | {key: provenance.get(key) for key in ("seed", "version", "config_hash")}
+
+
+def _resampled(results: PoseResults) -> tuple[dict, np.ndarray]:
     """What the bootstrap resamples, and the unit of each frame (N,); the `unit` of the results is the room.
 
-    A unit without a label is in no figure.
+    Units are "rooms" where sequences share rooms and cameras, else "people", or "sequences" where some people are unknown;
+    `people` is None there. A unit without a label is in no figure.
     """
     room, people = results.unit, set(results.person.tolist())
     units, unit = "sequences", results.sequence
@@ -180,7 +174,8 @@ def _resampled(results: PoseResults) -> tuple[Resampled, np.ndarray]:
     elif "" not in people:
         units, unit = "people", results.person
     labelled = np.isfinite(results.truth_m).all(axis=-1).any(axis=1)
-    return Resampled(units, len(np.unique(unit[labelled])), None if "" in people else len(people)), unit
+    count = len(np.unique(unit[labelled]))
+    return {"units": units, "count": count, "people": None if "" in people else len(people)}, unit
 
 
 def _check_scored(benchmark: Benchmark, results: dict[str, PoseResults]) -> None:

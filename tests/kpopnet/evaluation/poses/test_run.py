@@ -10,7 +10,7 @@ from kpopnet.datasets.protocol import BenchmarkConfig
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
 from kpopnet.evaluation.poses import run as run_module
-from kpopnet.evaluation.poses.report import pose_metrics, remarks
+from kpopnet.evaluation.poses.report import remarks
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.paper_extraction import PaperExtractionConfig
 from kpopnet.pose.person import PersonEstimator
@@ -30,7 +30,7 @@ def test_partial_evaluations_are_named_and_a_sequence_on_which_an_estimator_fail
     run = run_benchmark(Films(), {"off": Off(), "failing": Failing()}, sequences=2)
     assert all(one.sequence_names == list(run.metrics[name]["per_sequence"]) == ["one"] for name, one in run.results.items())
     reason = "failing: ZeroDivisionError: division by zero"
-    assert run.failed == pose_metrics(run)["benchmark"]["failed_sequences"] == {"three": reason}
+    assert run.about["failed_sequences"] == {"three": reason}
     said = " ".join(remarks(run))
     assert "2 of 3 sequences, evenly spaced" in said and f"Left out because of an error: three: {reason}" in said
 
@@ -44,7 +44,7 @@ def test_estimates_do_not_depend_on_the_number_of_processes(tmp_path):
         np.testing.assert_array_equal(serial.results[name].estimate_m, parallel.results[name].estimate_m)
         timed = [run.metrics[name].pop("fps") for run in (serial, parallel)]
         assert min(timed) > 0 and serial.metrics[name] == parallel.metrics[name]
-    assert serial.images_without_person == parallel.images_without_person == 1
+    assert serial.about == parallel.about and serial.about["images_without_person"] == 1
 
 
 def test_a_mode_of_films_is_told_the_rate_of_each_recording():
@@ -67,7 +67,7 @@ def test_an_estimator_that_starts_from_a_label_gets_the_first_and_is_not_scored_
     run = run_benchmark(Films(), {"started": started, "other": other})
     assert [start.frame for start in started.starts] == [0] * 4 and other.starts == [None] * 4
     np.testing.assert_array_equal(started.starts[0].joints_camera_m, POSE_M)
-    assert run.started_from_label == ["started"]
+    assert run.about["started_from_label"] == ["started"]
     assert [run.metrics[name]["images"] for name in ("started", "other")] == [3 * (FRAMES - 2), 3 * (FRAMES - 1)]
     assert np.flatnonzero(run.results["started"].given).tolist() == [0, FRAMES, 2 * FRAMES]
     sentence = "started was given the first true pose of every sequence (start=label); it is not scored in that frame."
@@ -79,8 +79,8 @@ def test_labels_that_are_missing_are_reported():
     films = Films()
     films.without_labels = {"one": [3]}
     run = run_benchmark(films, {"tracker": Off(starts_from_label=True)})
-    assert list(run.failed) == ["one"]
-    assert run.failed["one"].startswith("tracker: start=label needs a frame with all fifteen joints")
+    assert run.about["failed_sequences"].keys() == {"one"}
+    assert run.about["failed_sequences"]["one"].startswith("tracker: start=label needs a frame with all fifteen joints")
     films.without_labels = {name: list(range(15)) for name in films.sequence_names()}
     with pytest.raises(InputError, match=r"films: no joint in any frame of .* has a label"):
         run_benchmark(films, {"off": Off()})
@@ -93,7 +93,7 @@ def test_all_people_in_a_room_are_resampled_together(tmp_path):
     """Errors that differ between two rooms only, with five people in each: resampling people would pretend ten units."""
     write_shard(tmp_path, list(range(10)), rooms=[0] * 5 + [1] * 5)
     run = run_benchmark(SyntheticBenchmark(BenchmarkConfig("synthetic", str(tmp_path))), {"mean_pose": MEAN_POSE})
-    assert run.resampled == ("rooms", 2, 10) and len(run.results["mean_pose"].sequence_names) == 10
+    assert run.about["resampled"] == {"units": "rooms", "count": 2, "people": 10} and run.about["sequences"] == 10
     assert run.results["mean_pose"].unit.tolist() == ["room 0"] * 5 + ["room 1"] * 5
     assert any("2 are too few" in line for line in remarks(run))
 
@@ -102,7 +102,8 @@ def test_all_films_of_a_person_are_resampled_together():
     films = Films()
     films.identities = {"one": "ann", "two": "bob", "three": "bob"}
     run = run_benchmark(films, {"off": Off()})
-    assert run.resampled == ("people", 2, 2) and list(run.metrics["off"]["per_person"]) == ["ann", "bob"]
+    assert run.about["resampled"] == {"units": "people", "count": 2, "people": 2}
+    assert list(run.metrics["off"]["per_person"]) == ["ann", "bob"]
     assert run.results["off"].unit.tolist() == ["ann"] * FRAMES + ["bob"] * 2 * FRAMES
 
 
@@ -121,9 +122,8 @@ def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkey
     for estimator in (one, other):
         assert [len(depth_m) for depth_m in estimator.given] == calls
         assert estimator.given[1][:-2].any() and not estimator.given[1][-2:].any()
-    assert run.images_without_person == 6 and run.extraction_fps > 0
+    assert run.about["images_without_person"] == 6 and run.about["extraction_fps"] > 0
     assert any("whole scenes: extraction=paper segmented the person first" in line for line in remarks(run))
-    assert pose_metrics(run)["benchmark"]["extraction"] == "paper"
-    assert pose_metrics(run_benchmark(Films(), {"off": Off()}))["benchmark"]["extraction"] is None
+    assert run.about["extraction"] == "paper" and run_benchmark(Films(), {"off": Off()}).about["extraction"] is None
     with pytest.raises(InputError, match="extraction=paper: the depth is segmented; leave it out"):
         run_benchmark(Films(), {"off": Off()}, extraction=extraction)
