@@ -19,15 +19,13 @@ import numpy as np
 
 from kpopnet.camera import subsampled
 from kpopnet.data.made_sets import claim_folder
-from kpopnet.estimator import Estimate
 from kpopnet.networks import WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.over_time import Measured
+from kpopnet.pose.person import MODES, DetectedPerson
 from kpopnet.rotations import conjugate, multiply, rotate, turns
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
-from kpopnet.tracker.body_estimate import BodyEstimate
-from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
-from kpopnet.tracker.refine import refine_frame
 from kpopnet.weights import SHA256
 from synth.dances.faults import KEPT_AMPLITUDE, amplitude
 from synth.dances.simulate import FPS, KpopSim, KpopSimConfig, dance_name
@@ -106,19 +104,15 @@ class Learners:
         else:
             motion = FAULTS[fault](self.set.teacher_motion(dance), size)
         packed, true_m = self.set.record(dance, number, self.set.take(dance, number, motion))
-        body, rows = BodyEstimate(), []
+        person, rows = DetectedPerson(packed.camera, self.network, MODES["realtime"]), []
         sizes = np.prod(packed.boxes[:, 2:] - packed.boxes[:, :2], axis=1)
         for (x0, y0, x1, y1), part in zip(packed.boxes, np.split(packed.depth_mm, np.cumsum(sizes)[:-1]), strict=True):
             whole = np.zeros((1, packed.camera.height, packed.camera.width), np.float32)
             whole[0, y0:y1, x0:x1] = part.reshape(y1 - y0, x1 - x0) / 1000
             depth_m, camera = subsampled(whole, packed.camera)
-            seen = self.network.estimate(depth_m, camera)
-            detected = seen.joints_camera_m[0], seen.confidence[0]
-            fitted_m, evidence = refine_frame(body, Estimate(*detected), depth_m[0], camera)
-            chance = probability(evidence, REFINED_WEIGHTS) if np.isfinite(evidence).all() else detected[1]
-            rows.append((*detected, fitted_m, chance))
-        names = ("detected_m", "detected", "fitted_m", "fitted")
-        measured = {name: np.array(column, np.float32) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
+            rows.append(person.update(depth_m[0], camera, len(rows) / FPS).measured)
+        columns = zip(Measured._fields, zip(*rows, strict=True), strict=True)
+        measured = {name: np.array(column, np.float32) for name, column in columns}
         return measured | {"true_m": true_m, "teacher_m": self.set.teacher_joints_m(dance), "fps": np.array(FPS)}
 
 

@@ -14,18 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.camera import CAMERAS
+from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.made_sets import claim_folder
-from kpopnet.estimator import Estimate
-from kpopnet.human import Human
+from kpopnet.human import Human, Look
 from kpopnet.networks import WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.pose.person import MODES, DetectedPerson
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import MIRROR
-from kpopnet.tracker.body_estimate import BodyEstimate
-from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
-from kpopnet.tracker.refine import refine_frame
 from kpopnet.weights import SHA256
 from synth.body.shape import draw_person
 from synth.motion import MotionConfig, build_motion
@@ -91,7 +88,8 @@ class Films:
         take = self._take(index)
         if take is None:
             return None
-        camera, bodies, rows = CAMERAS["eval"], (BodyEstimate(), BodyEstimate()), []
+        camera, rows = CAMERAS["eval"], []
+        people = {prefix: DetectedPerson(camera, self.network, MODES["realtime"]) for prefix in ("", "mirror_")}
         covered = _covered(self._rng(index, 2), len(take), self.split == "train")
         noise, sensor = FilmNoise((*self.seed, index, 3)), SENSORS[choose(self._rng(index, 4), FILMED_BY)]
         for number, shot in enumerate(self.studio.shots(take, sensor, noise, range(len(take)))):
@@ -104,27 +102,26 @@ class Films:
                 first, last = (box[1] + part * (box[3] - box[1]) for part in covered[1])
                 mask[int(first) : int(last)] = False
             human = Human.cut_out(0, shot["depth_m"], mask.astype(np.int32), 1, box, np.zeros(3, np.float32))
-            row = self._estimates(human, camera, bodies)
+            row = self._estimates(human.depth_m, human.cropped(camera), people, number / FPS)
             if row is not None:
                 hidden = _hidden(np.where(mask, shot["depth_m"], 0), camera, shot["joints_camera_m"])
                 rows.append(row | {"true_m": shot["joints_camera_m"], "hidden": hidden, "times_s": number / FPS})
         return {name: np.array([row[name] for row in rows]) for name in rows[0]} if rows else None
 
-    def _estimates(self, human: Human, camera, bodies) -> dict[str, np.ndarray] | None:
-        crop, crop_m = human.cropped(camera), human.depth_m
+    def _estimates(
+        self, crop_m: np.ndarray, crop: Camera, people: dict[str, DetectedPerson], time_s: float
+    ) -> dict[str, np.ndarray] | None:
+        """The arrays of `Measured` of a crop, and with its mirror image; None where the body was not fitted."""
         one = self.network.estimate(crop_m[None], crop)
         two = self.network.estimate(np.ascontiguousarray(crop_m[None, :, ::-1]), crop.mirrored())
         mirrored_m = two.joints_camera_m[0, MIRROR] * np.array([-1, 1, 1], np.float32)
         both = (one.joints_camera_m[0] + mirrored_m) / 2, (one.confidence[0] + two.confidence[0, MIRROR]) / 2
         row = {}
-        for name, body, seen in zip(("", "mirror_"), bodies, ((one.joints_camera_m[0], one.confidence[0]), both), strict=True):
-            fitted_m, evidence = refine_frame(body, Estimate(*seen), crop_m, crop)
-            if not np.isfinite(evidence).all():
+        for (prefix, person), seen in zip(people.items(), ((one.joints_camera_m[0], one.confidence[0]), both), strict=True):
+            measured = person.update(crop_m, crop, time_s, Look(*seen, None)).measured
+            if measured is None or measured.fitted_m is measured.detected_m:
                 return None
-            values = (*seen, fitted_m, probability(evidence, REFINED_WEIGHTS))
-            row |= {
-                name + key: value for key, value in zip(("detected_m", "detected", "fitted_m", "fitted"), values, strict=True)
-            }
+            row |= {prefix + name: value for name, value in measured._asdict().items()}
         return row
 
 
