@@ -42,7 +42,7 @@ from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap, interval_of
 from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.runtime.provenance import git_revision
-from synth.dances.ends import ENDS
+from synth.dances.faults import ENDS
 from synth.dances.simulate import FPS, HEADING_STD_DEG, VIEW, KpopSim, KpopSimConfig
 from synth.motion import MotionConfig
 from synth.samples.sampler import body_rotations

@@ -28,8 +28,7 @@ from synth.body.shape import draw_person
 from synth.motion import MotionConfig, build_motion
 from synth.motion.choreography.programmes import held, show
 from synth.motion.limbs import choose
-from synth.motion.poses.families import squat, standing
-from synth.motion.poses.floor_families import kneel
+from synth.motion.poses import kneel, squat, standing
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, follow, resampled
 from synth.scene.room import DANCE_HALL

@@ -15,7 +15,7 @@ from synth.body.asset import load_body
 from synth.body.garments import HELD_BACK, ORDINARY, Figure, hair, shoes
 from synth.body.outfit import ClothesConfig, unworn
 from synth.body.shape import BodyConfig, Person, draw_person, dress, shape_person
-from synth.motion.poses.families import FAMILIES, ProceduralPoses
+from synth.motion.poses import FAMILIES, ProceduralPoses
 from synth.motion.posture import angles, rotations
 from synth.samples.sampler import body_rotations
 from synth.scene.render import CpuRenderer

@@ -13,7 +13,7 @@ from kpopnet.camera import MM_PER_METRE
 from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
 from synth.motion import MotionConfig
-from synth.motion.poses.families import FAMILIES, ProceduralPoses
+from synth.motion.poses import FAMILIES, ProceduralPoses
 from synth.samples.placing import StageConfig
 from synth.samples.sampler import RenderedSample, SampleConfig, Sampler
 from synth.scene.props import NO_PROPS, PropsConfig

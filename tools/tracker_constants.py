@@ -28,7 +28,7 @@ from kpopnet.geometry.human_model import _REGULARISATION, HumanModel
 from kpopnet.skeleton import Joint
 from kpopnet.tracker.limbs import END_RADIUS_M, move_inside, torso_points
 from synth.motion.limbs import upright
-from synth.motion.poses.families import FAMILIES, Angles
+from synth.motion.poses import FAMILIES, Angles
 
 SEED = 100
 """None of a test, a benchmark or a training."""

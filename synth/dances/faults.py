@@ -1,4 +1,4 @@
-"""A second family of faults, written without the model of skill: what may be wrong with a dance, one function for each.
+"""Learners without the model of skill: a second family of faults, one function for each, and the ends of the scale.
 
 A fault is a function of a motion, a severity and a generator. Severity 0 leaves the motion as it is, 1 is a learner in the
 middle, and the fault grows with it. A dance draws a profile, how much of each fault its learners have; the learner of the
@@ -6,6 +6,9 @@ better level has less of every one of them. So the order of the learners is know
 fault is worse.
 
 To add a fault, write its function and enter it in `FAULTS`.
+
+The ends of the scale are a learner who dances exactly as the teacher, and three who do not dance the dance at all. They tell
+what a score means, through a sensor and an estimator too; the order of those who do not dance means nothing.
 """
 
 from collections.abc import Callable
@@ -15,7 +18,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from kpopnet.rotations import continuous, multiply, normalised, towards, turns
-from synth.motion.skeleton import INDEX, NUM_JOINTS, PARENTS, Motion
+from synth.motion.posture import CHANNELS, STANDING, rotations
+from synth.motion.skeleton import INDEX, NUM_JOINTS, PARENTS, Motion, on_floor_m
 from synth.motion.splice import as_high_as, at_times
 
 Fault = Callable[[Motion, float, np.random.Generator], Motion]
@@ -131,3 +135,35 @@ def _turned(motion: Motion, rotation_rad: np.ndarray) -> Motion:
 def _changed(motion: Motion, quats: np.ndarray, root_m: np.ndarray) -> Motion:
     """The motion with other (T, 23, 4) rotations, which are normalised, and another (T, 3) path."""
     return replace(motion, quats=normalised(quats).astype(np.float32), root_m=np.asarray(root_m, np.float32))
+
+
+# --- The ends of the scale --------------------------------------------------------------------------------------------------
+
+ENDS = ("perfect", "another dance", "waving", "standing still")
+
+WAVED_DEG = {"raise": (15.0, 140.0), "plane": (-20.0, 90.0), "twist": (-40.0, 60.0), "elbow": (5.0, 110.0)}
+WAVES, WAVE_HZ = 2, (0.3, 1.2)
+"""Range of each angle of a waving arm, and the number and frequencies of the sine waves that it is the sum of."""
+
+
+def end_motion(end: str, teacher: Motion, other: Motion, rng: np.random.Generator) -> Motion:
+    """The motion of one of ENDS, as long as the teacher's; `other` is another dance, held at its end if it is shorter."""
+    if end == "perfect":
+        return teacher
+    seconds = np.arange(len(teacher)) / teacher.fps
+    if end == "another dance":
+        return at_times(other, np.minimum(seconds, (len(other) - 1) / other.fps), teacher.fps)
+    postures = np.repeat(STANDING[None], len(seconds), axis=0)
+    if end == "waving":
+        for side in ("left", "right"):
+            for angle, (lowest, highest) in WAVED_DEG.items():
+                hz, phase = rng.uniform(*WAVE_HZ, WAVES), rng.random(WAVES)
+                wave = np.sin(2 * np.pi * (seconds[:, None] * hz + phase)).mean(axis=1)
+                postures[:, CHANNELS[f"{side}_{angle}"]] = lowest + (highest - lowest) * (wave + 1) / 2
+    return on_the_floor(postures, teacher, end)
+
+
+def on_the_floor(postures: np.ndarray, like: Motion, name: str) -> Motion:
+    """The motion of a person who stays in place in (T, C) postures, with the frame rate and the legs of another motion."""
+    quats = rotations(postures)
+    return Motion(quats, on_floor_m(quats), like.fps, name, like.leg_m)

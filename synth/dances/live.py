@@ -13,7 +13,7 @@ from kpopnet.errors import InputError
 from kpopnet.rotations import normalised, towards
 from synth.body.asset import load_body
 from synth.body.shape import BodyConfig, draw_person
-from synth.dances.ends import end_motion, on_the_floor
+from synth.dances.faults import end_motion, on_the_floor
 from synth.dances.skill import LEVELS, SkillConfig, draw_strengths, learn
 from synth.motion.posture import CHANNELS, STANDING, rotations
 from synth.motion.skeleton import INDEX, LEG_M, Motion

@@ -3,7 +3,7 @@
 The teacher's motion is given as true joints, as from motion capture. Each learner is another person with a level from `best` to
 `worst`. A model of skill (`synth.dances.skill`), or with `benchmark.faults=mixed` a second, independent family of faults
 (`synth.dances.faults`), turns the teacher's motion into the learner's; with `benchmark.faults=ends` the learners are the ends
-of the scale (`synth.dances.ends`). Position and heading differ per learner, the room is empty, and the measured depth is
+of the scale. Position and heading differ per learner, the room is empty, and the measured depth is
 segmented: only the person is kept. The labels are the levels.
 
 Learner k of dance d is a pure function of the settings, d and k. No training set contains the benchmark's people and
@@ -26,8 +26,7 @@ from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_lear
 from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.viz.drawing import TRUE, person_tile, sheet
 from synth.body.shape import BodyConfig, Person, draw_person
-from synth.dances.ends import ENDS, end_motion
-from synth.dances.faults import draw_profile, with_faults
+from synth.dances.faults import ENDS, draw_profile, end_motion, with_faults
 from synth.dances.skill import LEVELS, Mistake, SkillConfig, draw_strengths, learn
 from synth.motion import SPLITS
 from synth.motion.choreography.composer import dance
@@ -76,7 +75,7 @@ class KpopSimConfig:
         split: test is the benchmark; train and validation contain other dances by other people, for calibration.
         faults: family of the learners' faults: skill for the model of skill; mixed for a second, independent family, in which
             a better level has less of every fault (synth/dances/faults.py); ends for a perfect learner, another dance, random
-            waving and standing still, whose scores and not whose order mean something (synth/dances/ends.py).
+            waving and standing still, whose scores and not whose order mean something.
     """
 
     name: str = "kpop_sim"

@@ -14,7 +14,7 @@ import numpy as np
 
 from kpopnet.errors import InputError, check_between, check_one_of, check_seed
 from synth.motion.choreography.composer import Choreography
-from synth.motion.poses.families import ProceduralPoses
+from synth.motion.poses import ProceduralPoses
 from synth.motion.recorded import bvh_digest, open_clips
 from synth.motion.skeleton import Poses
 

@@ -21,7 +21,7 @@ from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.viz.drawing import depth_rgb, enlarged, sheet
 from synth.motion import SPLITS, MixedPoses, MotionConfig
-from synth.motion.poses.families import FAMILIES, ProceduralPoses
+from synth.motion.poses import FAMILIES, ProceduralPoses
 from synth.rooms.scene import ClearScene, RoomScenes
 from synth.samples.layers import millimetres
 from synth.samples.observe import LIMB_ENDS

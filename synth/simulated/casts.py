@@ -10,8 +10,7 @@ import numpy as np
 from synth.motion.choreography.pairs import Part, draw_duet
 from synth.motion.choreography.programmes import drill, held, show
 from synth.motion.limbs import SIDES, choose, drawn, stance, uniform
-from synth.motion.poses.families import squat, standing
-from synth.motion.poses.floor_families import kneel, lie, seat, sit
+from synth.motion.poses import kneel, lie, seat, sit, squat, standing
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut
 from synth.rooms.scene import MOST_PEOPLE

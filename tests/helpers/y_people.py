@@ -10,7 +10,7 @@ from kpopnet.camera import Camera
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from synth.motion import MotionSource
 from synth.motion.limbs import uniform
-from synth.motion.poses.families import ProceduralPoses
+from synth.motion.poses import ProceduralPoses
 from synth.samples.placing import StageConfig
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.props import NO_PROPS

@@ -13,7 +13,7 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.geometry.cones import torso_frame
 from kpopnet.skeleton import JOINT_GROUPS, Joint
 from kpopnet.y_pose.initial_pose import NotYPose, find_initial_pose, initial_pose
-from synth.motion.poses.families import FAMILIES
+from synth.motion.poses import FAMILIES
 
 CAMERA = CAMERAS["kinect_v1"]
 PLACE_M = (0.0, 0.15, 3.3)

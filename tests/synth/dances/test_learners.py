@@ -8,8 +8,7 @@ from motions import distance_m, points_m
 
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
-from synth.dances.ends import ENDS, end_motion
-from synth.dances.faults import FAULTS, LAG_S, habit, lag, with_faults
+from synth.dances.faults import ENDS, FAULTS, LAG_S, end_motion, habit, lag, with_faults
 from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig
 from synth.dances.skill import LEVELS, SkillConfig, Strengths, draw_strengths, learn
 from synth.motion.choreography.composer import dance

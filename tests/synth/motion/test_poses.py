@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from kpopnet.rotations import rotate
 from synth.motion.limbs import arm_to
-from synth.motion.poses.families import FAMILIES, ProceduralPoses
+from synth.motion.poses import FAMILIES, ProceduralPoses
 from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
 from synth.motion.skeleton import INDEX, forward_kinematics, height_above_floor, mirrored
 

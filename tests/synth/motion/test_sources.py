@@ -5,7 +5,7 @@ from bvh_files import write_bvh
 from kpopnet.errors import InputError
 from synth.motion import SPLITS, MixedPoses, MotionConfig, build_motion, identity_of_recordings
 from synth.motion.choreography.composer import dance
-from synth.motion.poses.families import FAMILIES, ProceduralPoses
+from synth.motion.poses import FAMILIES, ProceduralPoses
 from synth.motion.skeleton import LEG_M, REST_OFFSETS_M, Motion
 from synth.samples.sampler import SampleConfig
 from synth.samples.writer import SetConfig

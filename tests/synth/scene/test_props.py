@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kpopnet.skeleton import Joint
-from synth.motion.poses.families import FAMILIES, ProceduralPoses
+from synth.motion.poses import FAMILIES, ProceduralPoses
 from synth.samples.placing import StageConfig
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.mesh import Mesh, ball, boxes, rod

@@ -1,1 +1,0 @@
-"""Procedural single poses."""
