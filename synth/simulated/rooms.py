@@ -70,14 +70,11 @@ class Rooms(RoomFilms):
     frames: tuple[int, int] = (60, 120)
 
     about = "SIMULATED films and images of any number of people in rooms, no real person."
-    names = "room_{:03d}"
+    names, most_people = "room_{:03d}", MOST_PEOPLE
     body, tries, nothing_fits = BodyConfig(), 60, "casts is in view and clear of the room"
     composed_only = "recordings know of no second person; take motion=choreography"
     camera, fps = CAMERAS["eval"], FPS  # the camera of some; each sequence has its own
     kinds: ClassVar[tuple[str, ...]] = KINDS
-
-    def first_person(self, index: int) -> int:
-        return index * MOST_PEOPLE
 
     def kind(self, index: int) -> str:
         kinds = [kind for kind in KINDS if kind in self.benchmark.kinds]

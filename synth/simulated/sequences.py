@@ -72,7 +72,8 @@ class SequenceGenerator(SetGenerator):
     fps: ClassVar[float]
     view: ClassVar[ViewConfig]  # distribution of the camera's pose
     tiles: ClassVar[int] = TILES  # frames of a sequence in the contact sheet
-    names: ClassVar[str]  # format of the name of a sequence, by its number
+    names: ClassVar[str]  # format of the name of a sequence, by its numbers from 0 and from 1
+    most_people: ClassVar[int] = 1  # in a sequence
     body: ClassVar[BodyConfig] = BODY
     tries: ClassVar[int]  # how often a sequence is drawn, until something fits,
     nothing_fits: ClassVar[str]  # and what the error says if nothing does: "none of 100 ..."
@@ -83,7 +84,7 @@ class SequenceGenerator(SetGenerator):
     @classmethod
     def sequence_name(cls, index: int) -> str:
         """The name of sequence `index`, and of its file without the suffix."""
-        return cls.names.format(index)
+        return cls.names.format(index, index + 1)
 
     def take(self, index: int) -> Any:
         """Draws people, motion, room and view of sequence `index`; its length is the number of frames.
@@ -111,7 +112,7 @@ class SequenceGenerator(SetGenerator):
 
     def first_person(self, index: int) -> int:
         """The number of the first person of sequence `index`; the others follow."""
-        return index
+        return index * self.most_people
 
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:
         """Makes sequence `index` and calls `on_frame` after each frame."""

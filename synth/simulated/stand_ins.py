@@ -162,14 +162,10 @@ class Smmc10Sim(StandIn):
         "SIMULATED people in rooms, the stand-in for SMMC-10; this is not SMMC-10 itself. The true positions are markers on "
         "the skin, as in the real set. Read the error after subtracting the constant offset of each joint beside the raw error."
     )
-    truth = "simulated markers"
+    names, truth = "sim_{1:02d}", "simulated markers"
     camera, fps = CAMERAS["smmc10"], 25.0
     view = ViewConfig(height_m=(0.8, 1.5), aim_m=(0.9, 1.1))
     kinds = tuple(map(", ".join, KINDS))
-
-    @classmethod
-    def sequence_name(cls, index: int) -> str:
-        return f"sim_{index + 1:02d}"
 
     def compose(self, rng: np.random.Generator, index: int, seconds: float) -> Motion:
         tempo = MIN_BPM + (MAX_BPM - MIN_BPM) * index / (len(KINDS) - 1)

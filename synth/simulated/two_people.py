@@ -66,15 +66,12 @@ class TwoPeople(SequenceGenerator):
     frames: tuple[int, int] = (260, 320)
 
     about = "SIMULATED films of two people, no real person."
-    names = "pair_{:02d}"
+    names, most_people = "pair_{:02d}", 2
     composed_only = "recordings know of no second person; take motion=choreography"
     camera, fps = CAMERA, FPS
     view = ViewConfig(height_m=(0.9, 1.7), aim_m=(0.85, 1.15))
     kinds = tuple(SCRIPTS)
     tries, nothing_fits = 100, "scenes stays inside a room and the image"
-
-    def first_person(self, index: int) -> int:
-        return 2 * index
 
     @cached_property
     def studios(self) -> tuple[Studio, Studio]:

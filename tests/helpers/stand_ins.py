@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from synth.simulated.film import Studio, Take
+from synth.simulated.room_films import Actor
 from synth.simulated.stand_ins import StandIn
 
 Seed = tuple[int, ...]
@@ -17,7 +18,7 @@ def film_of(maker: StandIn, index: int, frames: int | None = None) -> SimpleName
     return SimpleNamespace(camera=maker.camera, **{name: np.array([shot[name] for shot in shots]) for name in shots[0]})
 
 
-def joints_world_m(studio: Studio, take: Take) -> np.ndarray:
+def joints_world_m(studio: Studio, take: Take | Actor) -> np.ndarray:
     """(T, 15, 3) true joints in metres in the world frame."""
     played = take.played
     return studio.joints_world_m(played.person, played.local, played.hips_m + take.place_m)

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 from kpopnet.rotations import about, conjugate, multiply, rotate
@@ -66,8 +65,8 @@ def test_facing_front_removes_the_heading_only():
 
 
 def test_height_above_floor_is_that_of_the_lowest_surface_point():
-    quats = np.zeros((1, NUM_JOINTS, 4))
-    quats[..., 0] = 1
-    height = height_above_floor(quats, np.array([[0, 1.2, 0]]))
-    assert height[0] == pytest.approx(1.2 - 0.1026 - LEG_M - 0.07, abs=0.01)
-    assert height_above_floor(quats, np.zeros((1, 3)))[0] < 0
+    quats = np.tile([1.0, 0, 0, 0], (2, NUM_JOINTS, 1))
+    lowest_m = -0.1026 - LEG_M - 0.07
+    np.testing.assert_allclose(
+        height_above_floor(quats, np.array([[0, 1.2, 0], [0, 0, 0]])), [1.2 + lowest_m, lowest_m], atol=0.01
+    )

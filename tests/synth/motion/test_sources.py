@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bvh_files import write_bvh
@@ -92,8 +94,7 @@ def test_every_split_gets_a_file_of_eight_whatever_their_names(tmp_path):
     for k in (0, 1, 3, 4, 5, 7, 9, 11):  # whose names would all draw train
         write_bvh(tmp_path / f"{k}.bvh", STILL)
     used = used_by_split(tmp_path)
-    assert [len(used[split]) for split in ("train", "validation", "test")] == [6, 1, 1]
-    assert len(set().union(*used.values())) == 8
+    assert [len(used[split]) for split in SPLITS] == [6, 1, 1] and len(set().union(*used.values())) == 8
 
 
 def test_a_set_is_identified_by_its_bvh_files_beside_their_path(tmp_path, pack):
@@ -117,33 +118,37 @@ def test_a_set_is_identified_by_its_bvh_files_beside_their_path(tmp_path, pack):
 
 
 def test_a_path_without_motion_is_refused_with_the_remedy(tmp_path):
-    with pytest.raises(InputError, match=r"does not exist.*choreography needs no data"):
-        clips(tmp_path / "nowhere")
-    with pytest.raises(InputError, match=r"neither an index.csv nor"):
-        clips(tmp_path)
+    for path, found in ((tmp_path / "nowhere", "does not exist"), (tmp_path, "holds neither an index.csv nor")):
+        with pytest.raises(InputError, match=rf"{found}.*choreography needs no data"):
+            clips(path)
 
 
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
+def test_clips_and_indices_of_other_contents_are_refused(pack):
+    clip, index = pack / "clips" / "a.npz", pack / "index.csv"
+    with np.load(clip) as stored:
+        arrays = dict(stored)
+    for changed, message in (
         ({"fps": np.float32(np.nan)}, "1 to 1000 frames a second"),
         ({"root": np.zeros((59, 3), np.float32)}, r"root: shape \(59, 3\), expected \(frames = 60, 3\)"),
-    ],
-)
-def test_clips_of_other_contents_are_refused(pack, changed, message):
-    path = pack / "clips" / "a.npz"
-    with np.load(path) as stored:
-        arrays = dict(stored)
-    np.savez(path, **(arrays | changed))
-    with pytest.raises(InputError, match=message):
-        clips(pack).motion(0)
+    ):
+        np.savez(clip, **(arrays | changed))
+        with pytest.raises(InputError, match=message):
+            clips(pack).motion(0)
+    rows = index.read_text()
+    for old, new, message in (
+        ("clips/b.npz", "../b.npz", "row 3: expected a file inside the pack"),
+        ("1.0", "-1.0", "row 3: expected a duration of 0 to"),
+        ("split", "part", r"index\.csv: expected columns clip_id, file, seconds, split"),
+    ):
+        index.write_text(rows.replace(old, new))
+        with pytest.raises(InputError, match=message):
+            clips(pack)
 
 
 def test_splits_of_the_choreography_share_no_dance():
     config = MotionConfig(source="choreography", dances=3)
-    names = [build_motion(config, split).motion(i).name for split in SPLITS for i in range(3)]
-    names += [build_motion(MotionConfig(source="choreography", dances=3, seed=1), "train").motion(i).name for i in range(3)]
-    assert len(set(names)) == 12
+    sources = [*(build_motion(config, split) for split in SPLITS), build_motion(replace(config, seed=1), "train")]
+    assert len({source.motion(i).name for source in sources for i in range(3)}) == 12
 
 
 def test_a_mixture_draws_sources_by_weight_and_each_pose_from_its_generator():
@@ -162,8 +167,6 @@ def test_a_mixture_draws_sources_by_weight_and_each_pose_from_its_generator():
 def test_the_order_of_the_weights_says_nothing():
     """A set's identity sorts its settings, so their order must not change the samples."""
 
-    def names(weights: dict[str, float]) -> list[str]:
-        source = build_motion(MotionConfig(source="mix", weights=weights), "train")
-        return source.poses([np.random.default_rng(k) for k in range(40)]).names
-
-    assert names({"poses": 0.7, "choreography": 0.3}) == names({"choreography": 0.3, "poses": 0.7})
+    weights = {"poses": 0.7, "choreography": 0.3}
+    one, other = (MotionConfig(dances=5, weights=dict(items)) for items in (weights.items(), reversed(weights.items())))
+    assert build_motion(one, "train").poses(generators(40)).names == build_motion(other, "train").poses(generators(40)).names

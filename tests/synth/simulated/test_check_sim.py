@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stand_ins import joints_world_m
 
 from kpopnet.datasets.check_script import END_S, step_s
 from kpopnet.skeleton import Joint
@@ -26,9 +27,7 @@ def take(maker: CheckSim) -> RoomTake:
 @pytest.fixture(scope="module")
 def joints_m(take: RoomTake) -> np.ndarray:
     """(T, 15, 3) in the world, metres."""
-    (actor,) = take.actors
-    played = actor.played
-    return Studio(take.camera, "cpu").joints_world_m(played.person, played.local, played.hips_m + actor.place_m)
+    return joints_world_m(Studio(take.camera, "cpu"), take.actors[0])
 
 
 def during(step: str, margin_s: float = 0.0) -> slice:

@@ -77,16 +77,17 @@ CLIPS = MotionConfig(source="clips", path="somewhere")
 
 
 @pytest.mark.parametrize(
-    ("make", "motion", "message"),
+    ("make", "settings", "message"),
     [
-        (TwoPeople, CLIPS, "second person"),
-        (RoomImagesSet, CLIPS, "poses of all kinds"),
-        (EvalSim, MotionConfig(source="choreography", seed=3), r"either composed .* or recorded"),
+        (TwoPeople, {"motion": CLIPS}, "second person"),
+        (RoomImagesSet, {"motion": CLIPS}, "poses of all kinds"),
+        (EvalSim, {"motion": MotionConfig(source="choreography", seed=3)}, r"either composed .* or recorded"),
+        (KpopSim, {"benchmark": KpopSimConfig(name="other")}, r"benchmark\.name=other: the set is called kpop_sim"),
     ],
 )
-def test_motion_that_a_set_cannot_show_is_refused(make, motion: MotionConfig, message: str) -> None:
+def test_what_a_set_cannot_show_is_refused(make, settings: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        make(motion=motion)
+        make(**settings)
 
 
 def test_people_of_benchmarks_wear_garments_that_training_never_has(monkeypatch) -> None:
