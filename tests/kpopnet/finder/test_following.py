@@ -5,7 +5,7 @@ import pytest
 
 from kpopnet.finder.following import DOUBTED_S, FORGOTTEN_S, UNKNOWN, Followed
 from kpopnet.pose import PersonPose
-from kpopnet.teacher.live.loop import Learner
+from kpopnet.teacher.live.loop import Learners
 
 
 def walk(*paths):
@@ -81,7 +81,7 @@ def test_an_empty_chair_does_not_stay_a_person_for_ever():
 
 
 def test_an_empty_chair_that_was_taken_for_a_person_does_not_become_the_learner():
-    followed, learner, chosen = Followed(), Learner(), []
+    followed, learners, chosen = Followed(), Learners(1), []
     person_m, chair_m, images = (0, 0, 3), (1, 0.3, 3), 300
     for number in range(images):
         # The chair is certain once; the person leaves after two seconds and is back after nine.
@@ -89,7 +89,7 @@ def test_an_empty_chair_that_was_taken_for_a_person_does_not_become_the_learner(
         centres_m = np.array([chair_m] if away else [chair_m, person_m], np.float32)
         identities = followed.identify(centres_m, np.array([number == 59, True])[: len(centres_m)], number / 30)
         people = [PersonPose(identity, np.zeros((15, 3)), np.ones(15)) for identity in identities if identity != UNKNOWN]
-        one = learner.choose(people, number / 30)
+        (one,) = learners.choose(people, number / 30)
         chosen.append(UNKNOWN if one is None else one.identity)
     assert chosen == [0] * 60 + [UNKNOWN] * 210 + [0] * 30
 
