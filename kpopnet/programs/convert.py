@@ -21,6 +21,7 @@ If you trust them, save them with
     numpy.savez("T.npz", keypoints3d=pickle.load(open("T.pkl", "rb"))["keypoints3d_optim"], fps=60)
 """
 
+import argparse
 import re
 from pathlib import Path
 
@@ -83,17 +84,13 @@ def _seen_m(performance: Performance) -> np.ndarray:
     return np.where(performance.confidence[..., None] < SEEN_CONFIDENCE, np.nan, performance.joints_m)
 
 
-def convert_recordings(
-    out: Path, dance: str, teacher: Path, learners: list[Path], fps: float | None, joint_map: Path | None = None
-) -> None:
-    """Writes a dance from files of joints, the learners from the best to the worst; `fps` is the true frame rate if given,
-    and `joint_map` as for `read_performance`.
-    """
-    names = [path.stem for path in learners]
+def convert_recordings(given: argparse.Namespace) -> None:
+    """Writes a dance from the files of joints that the command line names."""
+    names, paths = [path.stem for path in given.learners], [given.teacher, *given.learners]
     if len(set(names)) < max(len(names), 2):
         raise InputError("--learners: give at least two files of different names, the best dancer's first")
-    danced = from_absolute_clocks([read_strangers_performance(path, fps, joint_map) for path in (teacher, *learners)])
-    write_dance(out, dance, danced[0], dict(zip(names, danced[1:], strict=True)))
+    teacher, *learners = from_absolute_clocks([read_strangers_performance(one, given.fps, given.joint_map) for one in paths])
+    write_dance(given.out, given.dance, teacher, dict(zip(names, learners, strict=True)))
 
 
 def convert_imperial(source: Path, out: Path) -> None:
@@ -140,4 +137,4 @@ def main() -> None:
     if given.kind == "imperial":
         convert_imperial(given.source, given.out)
     else:
-        convert_recordings(given.out, given.dance, given.teacher, given.learners, given.fps, given.joint_map)
+        convert_recordings(given)

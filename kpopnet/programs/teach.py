@@ -17,10 +17,9 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from tqdm import tqdm
@@ -132,11 +131,11 @@ def open_source(
     lesson: Lesson,
     dance: TaughtDance,
     clock: DanceClock,
-    live: Mapping[str, str] = MappingProxyType({}),
+    live: dict[str, str] | None = None,
     rotate_deg: int = 0,
 ) -> LiveCamera:
     """Opens the source of depth that a lesson names; `live` says which live cameras it may be, whose images are turned."""
-    if lesson.source in live:
+    if live and lesson.source in live:
         return open_live(live[lesson.source], rotate_deg)
     if lesson.source == SIMULATED or open_recording is None:
         return SimulatedCamera(lesson, dance, clock)
@@ -236,7 +235,7 @@ def serve(given: argparse.Namespace) -> None:
     with locked(given.data):
         library = made_library(given.data)
     with shared_live(given.live) as opened:
-        live = {given.live: opened} if opened else {}
+        live = {given.live: opened} if opened else None
         open_camera = partial(open_source, open_recording, live=live, rotate_deg=given.rotate)
         teaching = Teaching(library, Tries(given.data / TRIES), open_camera, given.checkpoint, sources, SKILLS, FAULTS)
         host(partial(make_app, teaching, ready=True), given, "dance at")
