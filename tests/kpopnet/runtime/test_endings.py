@@ -37,10 +37,16 @@ def test_output_that_no_program_reads_ends_a_program_without_words(what):
     assert unread(PROGRAM.format(what=what)) == (b"", 141)
 
 
+def ended(what, output=subprocess.PIPE):
+    """Errors and exit code of a program."""
+    program = [sys.executable, "-c", PROGRAM.format(what=what)]
+    done = subprocess.run(program, cwd=ROOT, input=b"", stdout=output, stderr=subprocess.PIPE)
+    return done.stderr, done.returncode
+
+
 def test_another_pipe_that_is_broken_is_told():
-    what = "raise BrokenPipeError('a child ended')"
-    done = subprocess.run([sys.executable, "-c", PROGRAM.format(what=what)], cwd=ROOT, input=b"", capture_output=True)
-    assert done.returncode == 1 and b"BrokenPipeError: a child ended" in done.stderr
+    told, code = ended("raise BrokenPipeError('a child ended')")
+    assert code == 1 and b"BrokenPipeError: a child ended" in told
 
 
 @pytest.mark.parametrize("words", [["--help"], ["--version"], ["score", "--help"]])
@@ -50,15 +56,11 @@ def test_help_that_no_program_reads_ends_quietly_too(words):
 
 
 def test_a_program_without_a_console_ends_well():
-    what = "sys.stdout = None; print('nowhere')"
-    done = subprocess.run([sys.executable, "-c", PROGRAM.format(what=what)], cwd=ROOT, input=b"", capture_output=True)
-    assert (done.returncode, done.stderr) == (0, b"")
+    assert ended("sys.stdout = None; print('nowhere')") == (b"", 0)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
 def test_a_full_disk_below_the_output_is_told_once():
     with Path("/dev/full").open("wb") as full:
-        program = PROGRAM.format(what="print('a line')")
-        done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, input=b"", stdout=full, stderr=subprocess.PIPE)
-    assert done.returncode == 1 and done.stderr.startswith(b"error: ") and done.stderr.count(b"\n") == 1
-    assert b"the disk is full" in done.stderr
+        told, code = ended("print('a line')", full)
+    assert code == 1 and told.startswith(b"error: ") and told.count(b"\n") == 1 and b"the disk is full" in told

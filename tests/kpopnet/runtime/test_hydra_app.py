@@ -58,51 +58,40 @@ def test_an_error_of_a_data_worker_is_told_without_torchs_traceback(capsys):
 
 
 @dataclass
-class Base:
-    """A base.
-
-    Attributes:
-        seed: of everything.
-    """
-
-    seed: int = 0
-
-
-@dataclass
 class Inner:
     """Inside.
 
     Attributes:
         width, height: of an image, in pixels; the
             second line belongs here too.
-        name: which one: "a" or "b".
     """
 
     width: int = 1
     height: int = 2
-    name: str = "a"
     silent: int = 0
 
 
 @dataclass
-class Outer(Base):
+class Outer(Inner):
     """Outside.
 
     Attributes:
         inner: what is inside.
-        other: or nothing.
+        name: which one: "a" or "b".
 
     A paragraph after the section is no setting: none.
     """
 
-    inner: Inner = field(default_factory=Inner)
-    other: Inner | None = None
+    inner: Inner | None = field(default_factory=Inner)
+    name: str = "a"
 
 
 def test_comments_stand_behind_the_settings_that_they_describe():
-    yaml = "seed: 0\ninner:\n  width: 1\n  name: a\nother: null\nlist:\n- width: 3\n"
-    found = with_comments(yaml, settings(Outer)).splitlines()
-    assert found[0] == "seed: 0  # of everything." and found[3] == '  name: a  # which one: "a" or "b".'
-    assert found[4] == "other: null  # or nothing." and found[6] == "- width: 3"
+    found = with_comments("width: 0\ninner:\n  height: 1\n  silent: 0\nname: a\nlist:\n- width: 3\n", settings(Outer))
+    about = "of an image, in pixels; the second line belongs here too."
+    assert found.splitlines() == [
+        f"width: 0  # {about}", "inner:  # what is inside.", f"  height: 1  # {about}", "  silent: 0",
+        'name: a  # which one: "a" or "b".', "list:", "- width: 3",
+    ]  # fmt: skip
     lines = as_text({"a": "word " * 30, "b.c": ""}).splitlines()
     assert len(lines) > 1 and lines[0].startswith("  a  ") and lines[-1] == "  b.c"

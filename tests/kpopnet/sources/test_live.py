@@ -109,15 +109,15 @@ def test_what_a_camera_says_can_be_said_in_the_language_of_the_page():
         InputError(Said("the recording of depth has ended")),
     ]
 
+    waited = []
+
     def read():
-        if len(errors) == 1:
-            waited.append(images.away)
+        time.sleep(0.1)
+        waited.append(images.away)
         raise errors.pop(0)
 
-    waited: list[str] = []
-    camera = SimpleNamespace(read=lambda: time.sleep(0.1) or read(), close=lambda: None)
-    images = NewestImage(camera)
+    images = NewestImage(SimpleNamespace(read=read, close=lambda: None))
     images.fetch(10.0)
-    assert in_language(waited[0], "de") == "keine OAK-Kamera startet (busy); schließe sie an"
+    assert in_language(waited[1], "de") == "keine OAK-Kamera startet (busy); schließe sie an"
     assert in_language(images.error, "de") == "die Kamera ist stehen geblieben: die Tiefenaufnahme ist zu Ende"
     images.close()

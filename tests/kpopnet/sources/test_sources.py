@@ -14,6 +14,7 @@ import pytest
 from damaged_files import is_refused
 from depth_files import CAMERA, FPS, camera_numbers, depth_mm, write_hdf5, write_npz, write_pngs, write_sent, write_video
 from PIL import Image
+from programs import ROOT
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
@@ -111,7 +112,7 @@ def test_a_missing_library_is_named_with_the_command_that_installs_it(name, extr
     for module in ("av", "pyrealsense2", "rosbags", "lzfse"):
         monkeypatch.setitem(sys.modules, module, None)
     (tmp_path / name).write_bytes(bytes(100))
-    with pytest.raises(InputError, match=rf"pip install .*\[{extra}\]|extra {extra}"):
+    with pytest.raises(InputError, match=rf"needs .*: pip install -e '{ROOT}\[{extra}\]'|extra {extra}"):
         open_depth(tmp_path / name)
 
 
