@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from subprocess import PIPE
 
 import factories
@@ -12,7 +11,7 @@ import pytest
 from programs import ROOT, run_program
 
 from kpopnet.runtime import cpu
-from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.folder_lock import LOCK_FILE, locked
 
 SYNTH = ("-m", "synth", "renderer=cpu", "motion=poses", "splits.validation=0", "splits.test=0", "seed=5")
 TRAIN = (
@@ -27,11 +26,6 @@ def data(tmp_path_factory) -> tuple[str, str]:
     factories.write_shard(folder / "train", 0, 6)
     factories.write_shard(folder / "validation", 0, 4)
     return f"data.train={folder / 'train'}", f"data.validation={folder / 'validation'}"
-
-
-def start(*words: str, **environment: str) -> subprocess.Popen:
-    environment = os.environ | {"OMP_NUM_THREADS": "1"} | environment
-    return subprocess.Popen([sys.executable, *words], cwd=ROOT, stdout=PIPE, stderr=PIPE, text=True, env=environment)
 
 
 def run(*words: str, most_bytes: int = -1) -> tuple[int, str]:
@@ -50,21 +44,11 @@ def refusal(*words: str, most_bytes: int = -1) -> str:
 
 
 def test_two_generators_share_a_folder_by_ranges_and_not_otherwise(tmp_path):
-    settings = (*SYNTH, f"out={tmp_path}", "splits.train=40000", "shard_size=10", "processes=1")
-    first = start(*settings, "shards=0:4000")
-    try:
-        folder, until = tmp_path / "train", time.monotonic() + 120
-        while not list(folder.glob("shard_*")) and time.monotonic() < until:
-            time.sleep(0.01)
-        assert f"{folder}: another process writes there" in refusal(*settings, "shards=0:4000")
-        # Samples beyond those of the first: another range of the same, grown set.
-        code, errors = run(*settings, "splits.train=40010", "shards=4000:4001")
-        assert code == 0, errors
-        assert (folder / "shard_04000.h5").exists()
-        assert first.poll() is None, first.stderr.read()
-    finally:
-        first.kill()
-        first.communicate()
+    settings, folder = (*SYNTH, f"out={tmp_path}", "splits.train=20", "shard_size=10", "processes=1"), tmp_path / "train"
+    with locked(folder, f"{LOCK_FILE}_0-1"):  # as one does that makes the first shard
+        assert f"{folder}: another process writes there" in refusal(*settings, "shards=0:1")
+        code, errors = run(*settings, "shards=1:2")
+    assert code == 0 and (folder / "shard_00001.h5").exists(), errors
 
 
 @pytest.mark.parametrize(
@@ -131,7 +115,9 @@ sys.meta_path.insert(0, Pause())
 
 def test_a_program_that_is_stopped_while_it_imports_says_one_line(tmp_path):
     (tmp_path / "sitecustomize.py").write_text(PAUSE_AT_IMPORT)
-    process = start("train.py", "--help", PYTHONPATH=f"{tmp_path}:{ROOT}", PAUSE_AT="numpy")
+    environment = os.environ | {"PYTHONPATH": f"{tmp_path}:{ROOT}", "PAUSE_AT": "numpy"}
+    words = [sys.executable, "train.py", "--help"]
+    process = subprocess.Popen(words, cwd=ROOT, stdout=PIPE, stderr=PIPE, text=True, env=environment)
     assert process.stdout.read(len("importing")) == "importing"  # the signal comes in the midst of the imports
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
