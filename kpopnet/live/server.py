@@ -14,7 +14,7 @@ from kpopnet.errors import InputError
 from kpopnet.live.loop import Watching, serve_watching
 from kpopnet.runtime.input_files import check_fields
 from kpopnet.teacher.hosting import page_app
-from kpopnet.teacher.pages import UNKNOWN, Messages, Page, Process, close_pages, converse
+from kpopnet.teacher.pages import UNKNOWN, Messages, Page, Process, add_pages
 from kpopnet.teacher.safety import Keys
 
 MAX_MESSAGE_BYTES = 1024
@@ -106,14 +106,8 @@ class Onlooker(Page):
 
 
 def make_watch_app(watching: Watching, hosts: tuple[str, ...], keys: Keys | None = None) -> web.Application:
-    """The server's application; `hosts` and `keys` as in `safety.guard`."""
+    """The server's application; `hosts` and `keys` as in `safety.guard`. docs/live.md lists the messages of pages."""
     app, watch = page_app("watch.html", hosts, keys, MAX_MESSAGE_BYTES), Watch(watching)
-
-    async def live(request: web.Request) -> web.WebSocketResponse:
-        """What a page sees and asks for; docs/live.md lists the messages."""
-        return await converse(request, partial(Onlooker, watch=watch), MAX_MESSAGE_BYTES)
-
     app.cleanup_ctx.append(watch.running)
-    app.on_shutdown.append(close_pages)
-    app.router.add_get("/live", live)
+    add_pages(app, partial(Onlooker, watch=watch), MAX_MESSAGE_BYTES)
     return app

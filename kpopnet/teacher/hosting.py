@@ -22,7 +22,6 @@ from aiohttp.http_exceptions import HttpProcessingError
 from kpopnet.errors import InputError
 from kpopnet.languages import LANGUAGES, Said, keyed
 from kpopnet.runtime.endings import is_of_the_disk, of_the_disk
-from kpopnet.teacher.pages import SOCKETS
 from kpopnet.teacher.safety import HEADERS, LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
 
 PAGE = Path(__file__).parent / "page"
@@ -61,7 +60,6 @@ def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: i
         return serve
 
     app = web.Application(middlewares=[guard(hosts, keys), _errors], client_max_size=max_bytes)
-    app[SOCKETS] = set()
     app.on_response_prepare.append(add_headers)
     app.router.add_get("/", served_from(PAGE))
     app.router.add_get(f"/languages/{{name:(?:{'|'.join(LANGUAGES[1:])})\\.mjs}}", served_from(PAGE.parents[1] / "languages"))

@@ -28,8 +28,6 @@ UNKNOWN = "the page asks for something unknown; reload it"
 MOST_UNSENT = 100
 """Messages that wait for a process which takes none."""
 
-SOCKETS: web.AppKey[set[web.WebSocketResponse]] = web.AppKey("sockets", set)
-
 
 class Messages:
     """Messages in order: kind, content, and what is attached. Of the images ("frame", ...) only the newest is kept, until the
@@ -195,26 +193,29 @@ def _now_ms() -> float:
     return round(1000 * time.time(), 1)
 
 
-async def converse(request: web.Request, open_page: Callable[..., Page], most_bytes: int) -> web.WebSocketResponse:
-    """Opens a page with its socket, and follows its messages, of at most this number of bytes, until it leaves."""
-    sockets = request.app[SOCKETS]
-    if len(sockets) >= MOST_PAGES:
-        raise web.HTTPServiceUnavailable(text=f"{MOST_PAGES} windows are open; close one of them\n")
-    socket = web.WebSocketResponse(max_msg_size=most_bytes, heartbeat=PATIENCE_S)
-    await socket.prepare(request)
-    page = open_page(socket)
-    sockets.add(socket)
-    try:
-        async for message in socket:
-            if message.type is not WSMsgType.TEXT:
-                break
-            await page.do(message.data)
-    finally:
-        sockets.discard(socket)
-        page.leave()
-    return socket
+def add_pages(app: web.Application, open_page: Callable[[web.WebSocketResponse], Page], most_bytes: int) -> None:
+    """Adds /live, where each page opens with a socket and is followed until it leaves; of messages of `most_bytes` at most."""
+    sockets: set[web.WebSocketResponse] = set()
 
+    async def live(request: web.Request) -> web.WebSocketResponse:
+        if len(sockets) >= MOST_PAGES:
+            raise web.HTTPServiceUnavailable(text=f"{MOST_PAGES} windows are open; close one of them\n")
+        socket = web.WebSocketResponse(max_msg_size=most_bytes, heartbeat=PATIENCE_S)
+        await socket.prepare(request)
+        page = open_page(socket)
+        sockets.add(socket)
+        try:
+            async for message in socket:
+                if message.type is not WSMsgType.TEXT:
+                    break
+                await page.do(message.data)
+        finally:
+            sockets.discard(socket)
+            page.leave()
+        return socket
 
-async def close_pages(app: web.Application) -> None:
-    """For an application's `on_shutdown`."""
-    await asyncio.gather(*(socket.close(code=WSCloseCode.GOING_AWAY) for socket in set(app[SOCKETS])))
+    async def close(_app: web.Application) -> None:
+        await asyncio.gather(*(socket.close(code=WSCloseCode.GOING_AWAY) for socket in set(sockets)))
+
+    app.router.add_get("/live", live)
+    app.on_shutdown.append(close)

@@ -24,7 +24,7 @@ from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
 from kpopnet.teacher.live.webcam import read_seen, recorded
-from kpopnet.teacher.pages import UNKNOWN, Page, close_pages, converse
+from kpopnet.teacher.pages import UNKNOWN, Page, add_pages
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
 from kpopnet.teacher.profiles import Profile, Profiles
 from kpopnet.teacher.result_page import packed_body, packed_movement
@@ -55,33 +55,31 @@ class Teaching:
 
 
 TEACHING: web.AppKey[Teaching] = web.AppKey("teaching", Teaching)
-PROCESSES: web.AppKey[LessonProcesses] = web.AppKey("processes", LessonProcesses)
 FILMING: web.AppKey[Filming] = web.AppKey("filming", Filming)
 routes = web.RouteTableDef()
 
 
 def make_app(teaching: Teaching, hosts: tuple[str, ...], keys: Keys | None = None, ready: bool = False) -> web.Application:
     """The server's application; `hosts` and `keys` as in `safety.guard`; `ready`: a process waits for the first lesson."""
-    app = page_app("index.html", hosts, keys, MAX_UPLOAD_BYTES)
-    app[TEACHING] = teaching
-    app[FILMING] = Filming(teaching.library, teaching.tries)
-    app[PROCESSES] = LessonProcesses(teaching.open_camera, teaching.checkpoint)
-    if ready:
-        app.on_startup.append(_make_ready)
-    app.on_shutdown.append(_end)
+    app, films = page_app("index.html", hosts, keys, MAX_UPLOAD_BYTES), Filming(teaching.library, teaching.tries)
+    app[TEACHING], app[FILMING], processes = teaching, films, LessonProcesses(teaching.open_camera, teaching.checkpoint)
+
+    async def make_ready(_app: web.Application) -> None:
+        processes.keep_ready()
+
+    async def end_films(_app: web.Application) -> None:
+        films.end()
+
+    async def end_processes(_app: web.Application) -> None:
+        await asyncio.to_thread(processes.end)
+
     app.add_routes(routes)
+    if ready:
+        app.on_startup.append(make_ready)
+    app.on_shutdown.append(end_films)
+    add_pages(app, partial(PageLessons, teaching=teaching, processes=processes), MAX_MESSAGE_BYTES)
+    app.on_shutdown.append(end_processes)
     return app
-
-
-async def _make_ready(app: web.Application) -> None:
-    app[PROCESSES].keep_ready()
-
-
-async def _end(app: web.Application) -> None:
-    """Ends what pages still wait for, and the processes."""
-    app[FILMING].end()
-    await close_pages(app)
-    await asyncio.to_thread(app[PROCESSES].end)
 
 
 @routes.get("/api/offer")
@@ -272,18 +270,12 @@ def _learners_movement(teaching: Teaching, dance: str, name: str) -> Movement:
     return learners_movement(learner, teaching.library.dance(dance).fps, teaching.library.body)
 
 
-@routes.get("/live")
-async def live(request: web.Request) -> web.WebSocketResponse:
-    """A page's lessons, one after another; docs/teaching.md lists the messages."""
-    return await converse(request, partial(PageLessons, app=request.app), MAX_MESSAGE_BYTES)
-
-
 class PageLessons(Page):
-    """The lessons of one page: its messages go to a process, and the process's to the page."""
+    """The lessons of one page, one after another: its messages (docs/teaching.md) go to a process, and the process's to it."""
 
-    def __init__(self, socket: web.WebSocketResponse, app: web.Application) -> None:
+    def __init__(self, socket: web.WebSocketResponse, teaching: Teaching, processes: LessonProcesses) -> None:
         super().__init__(socket)
-        self._teaching, self._processes = app[TEACHING], app[PROCESSES]
+        self._teaching, self._processes = teaching, processes
         self._process: LessonProcess | None = None
         self._members: list[dict] = []  # who danced beside the first learner
 

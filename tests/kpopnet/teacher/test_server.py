@@ -28,7 +28,7 @@ from kpopnet.skeleton import Joint  # noqa: E402
 from kpopnet.teacher.library import Library  # noqa: E402
 from kpopnet.teacher.pages import MOST_PAGES  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
-from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, PageLessons, make_app  # noqa: E402
+from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, PageLessons  # noqa: E402
 
 ASSETS = Path(__file__).parents[2] / "assets"
 
@@ -357,7 +357,7 @@ def test_no_random_request_is_an_error_of_the_server(teaching, tried):
 @pytest.fixture
 def told(teaching):
     """What a page is told of a lesson's last message, after these."""
-    lessons = PageLessons(Mock(), make_app(teaching, ("127.0.0.1",)))
+    lessons = PageLessons(Mock(), teaching, Mock())
 
     async def last(messages: tuple) -> dict:
         return [await lessons.told(*message) for message in messages][-1]
