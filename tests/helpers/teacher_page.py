@@ -2,7 +2,10 @@
 
 import asyncio
 import contextlib
+import functools
 import importlib.util
+import inspect
+import json
 import re
 import shutil
 import subprocess
@@ -43,14 +46,48 @@ def app_of(shown: Shown, keys: Keys | None = None) -> web.Application:
     return MAKERS[type(shown)](shown, LOOPBACK_NAMES, keys)
 
 
+class Visitor(TestClient):
+    """A client of a server."""
+
+    async def told(self, path: str, status: int = 200, method: str = "GET", **given: Any) -> Any:
+        """What an address answers, which must be with this status: the content of JSON, in English, or a text."""
+        answer = await self.request(method, path, **given)
+        assert answer.status == status, (path, await answer.text())
+        return english(await answer.json()) if answer.content_type == "application/json" else await answer.text()
+
+    async def refused(self, path: str, status: int = 400, method: str = "GET", **given: Any) -> str:
+        """Of which mistake an address tells, in one line."""
+        told = (await self.told(path, status, method, **given))["error"]
+        assert "\n" not in told
+        return told
+
+
 def with_client(shown: Shown, work, keys: Keys | None = None):
     """Runs a coroutine function that gets a client of a server of its own."""
 
     async def run():
-        async with TestClient(TestServer(app_of(shown, keys))) as client:
+        async with Visitor(TestServer(app_of(shown, keys))) as client:
             return await asyncio.wait_for(work(client), PATIENCE_S)
 
     return asyncio.run(run())
+
+
+def with_its_client(test: Callable[..., Any]) -> Callable[..., None]:
+    """Lets a coroutine function be a test: it gets a client of a server of the first of its other arguments."""
+
+    @functools.wraps(test)
+    def run(**given: Any) -> None:
+        with_client(next(one for one in given.values() if isinstance(one, Shown)), functools.partial(test, **given))
+
+    signature = inspect.signature(test)
+    run.__signature__ = signature.replace(parameters=list(signature.parameters.values())[1:])  # pyright: ignore
+    return run
+
+
+def frame_of(data: bytes) -> tuple[dict, bytes]:
+    """What a page is told of an image, and its picture."""
+    end = 4 + int.from_bytes(data[:4], "little")
+    return json.loads(data[4:end]), data[end:]
 
 
 def english(told: dict | list | str | float):

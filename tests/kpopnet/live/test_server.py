@@ -14,7 +14,7 @@ pytest.importorskip("aiohttp", reason="the extra app is not installed")
 import aiohttp
 from aiohttp import web
 from live_people import FPS, open_unsteady_recording, watched, write_recording
-from teacher_page import app_of, with_client
+from teacher_page import app_of, frame_of, with_client
 from two_people_files import CAMERA
 
 from kpopnet.dance.joint_files.reader import read_performance
@@ -36,9 +36,8 @@ class Looking:
         while not (found := what(self.seen)):
             message = await self._socket.receive()
             if message.type is aiohttp.WSMsgType.BINARY:
-                length = int.from_bytes(message.data[:4], "little")
-                told = json.loads(message.data[4 : 4 + length])
-                told["picture"] = message.data[4 + length :]
+                told, picture = frame_of(message.data)
+                told["picture"] = picture
                 await self._socket.send_json({"do": "drawn", "page_ms": 0.0})
             else:
                 told = json.loads(message.data)

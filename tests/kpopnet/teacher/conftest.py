@@ -1,5 +1,6 @@
 """A small library: the teacher's body and two dances."""
 
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -29,6 +30,12 @@ def teaching(library, tmp_path):
 
     sources = {"simulated": "a simulated learner"}
     return Teaching(library, Tries(tmp_path / "tries"), partial(open_source, None), "tracker", sources, SKILLS, FAULTS)
+
+
+@pytest.fixture
+def own(teaching, tmp_path):
+    """The same with a library of the user's own, which is empty."""
+    return replace(teaching, library=Library(tmp_path / "mine", teaching.library.body))
 
 
 @pytest.fixture

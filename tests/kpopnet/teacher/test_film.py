@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 from aiohttp.test_utils import TestClient, TestServer
-from teacher_page import PATIENCE_S, with_client
+from teacher_page import PATIENCE_S, with_its_client
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
@@ -82,33 +82,32 @@ def left_over(teaching) -> list[str]:
     return [path.name for path in teaching.tries.folder.rglob("*") if path.is_file() and path.suffix not in (".json", ".npz")]
 
 
-def test_whoever_leaves_cancels_the_film_and_the_next_which_waits_tells_how_far_it_is_and_is_kept(teaching, tried):
+@with_its_client
+async def test_whoever_leaves_cancels_the_film_and_the_next_which_waits_tells_how_far_it_is_and_is_kept(
+    client, teaching, tried
+):
     long, short = (f"/api/tries/dance_001/{tried(*given)}" for given in ((45.0, 0.25), (1.0,)))
-
-    async def work(client):
-        early = await client.get(f"{short}.mp4")
-        assert early.status == 400 and "not made yet" in (await early.json())["error"]
-        answer = await client.post(f"{long}/film")
-        assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
-        while json.loads(await answer.content.readline())["fraction"] == 0:
-            pass
-        assert len(films_at_work()) == 1
-        refused = await client.post(f"{short}/film")
-        assert "another film is being made" in json.loads(await refused.text())["error"]
-        answer.close()
-        until = time.monotonic() + SOON_S
-        while films_at_work() and time.monotonic() < until:
-            await asyncio.sleep(0.1)
-        assert not films_at_work() and not left_over(teaching)
-        made = await client.post(f"{short}/film")
-        told = [json.loads(line)["fraction"] for line in (await made.text()).splitlines()]
-        assert told == sorted(told) and told[0] < 1 and told[-1] == 1
-        ready = await client.get(f"{short}.mp4")
-        assert (await ready.read())[4:8] == b"ftyp" and "attachment" in ready.headers["Content-Disposition"]
-        again = await client.post(f"{short}/film")
-        assert (await again.text()).splitlines() == ['{"fraction": 1}']  # it is there
-
-    with_client(teaching, work)
+    early = await client.get(f"{short}.mp4")
+    assert early.status == 400 and "not made yet" in (await early.json())["error"]
+    answer = await client.post(f"{long}/film")
+    assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+    while json.loads(await answer.content.readline())["fraction"] == 0:
+        pass
+    assert len(films_at_work()) == 1
+    refused = await client.post(f"{short}/film")
+    assert "another film is being made" in json.loads(await refused.text())["error"]
+    answer.close()
+    until = time.monotonic() + SOON_S
+    while films_at_work() and time.monotonic() < until:
+        await asyncio.sleep(0.1)
+    assert not films_at_work() and not left_over(teaching)
+    made = await client.post(f"{short}/film")
+    told = [json.loads(line)["fraction"] for line in (await made.text()).splitlines()]
+    assert told == sorted(told) and told[0] < 1 and told[-1] == 1
+    ready = await client.get(f"{short}.mp4")
+    assert (await ready.read())[4:8] == b"ftyp" and "attachment" in ready.headers["Content-Disposition"]
+    again = await client.post(f"{short}/film")
+    assert (await again.text()).splitlines() == ['{"fraction": 1}']  # it is there
     assert not films_at_work()
 
 

@@ -12,15 +12,16 @@ import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
-from teacher_page import english, with_client
+from teacher_page import english, with_its_client
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import hidden_name
 from kpopnet.teacher.profiles import Profile
 
 
-def profile_json(name) -> str:
-    return json.dumps({"name": name})
+def adding(name) -> dict:
+    """How a profile is asked for."""
+    return {"method": "POST", "data": json.dumps({"name": name})}
 
 
 def left(folder) -> set[str]:
@@ -28,50 +29,42 @@ def left(folder) -> set[str]:
     return {path.name for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_profile_has_its_own_history_which_is_exported_and_deleted(teaching, tried):
-    async def work(client):
-        mina, theo = [
-            (await (await client.post("/api/profiles", data=profile_json(one))).json())["who"] for one in ("Mina", "Théo")
-        ]
-        assert await (await client.get("/api/profiles")).json() == {mina: "Mina", theo: "Théo"}
-        guests, hers, his = tried(20.0), tried(20.0, who=mina), tried(20.0, who=theo)
-        for who, name in (("", guests), (mina, hers), (theo, his)):
-            history = await (await client.get(f"/api/history/dance_001?who={who}")).json()
-            assert [one["session"] for one in history] == [name]
-        shown = await (await client.get(f"/api/profiles/{mina}")).json()
-        assert shown["name"] == "Mina" and [one["session"] for one in shown["dances"][0]["tries"]] == [hers]
-        packed = zipfile.ZipFile(io.BytesIO(await (await client.get(f"/api/profiles/{mina}.zip")).read()))
-        assert set(packed.namelist()) == {"profile.json"} | {f"tries/dance_001/{hers}.{kind}" for kind in ("json", "npz")}
-        teaching.tries.film_path("dance_001", hers).write_bytes(b"film")
-        assert (await client.delete(f"/api/profiles/{mina}")).status == 200
-        assert left(teaching.tries.folder) == {f"{name}.{kind}" for name in (guests, his) for kind in ("json", "npz")}
-        assert (await client.get(f"/api/profiles/{mina}")).status == 400
-        async with client.ws_connect("/live") as socket:
-            await socket.send_json({"do": "prepare", "lesson": {"dance": "dance_001", "who": mina}})
-            assert "no such profile" in english((await socket.receive_json())["text"])
-        assert await (await client.get("/api/profiles")).json() == {theo: "Théo"}
-        (teaching.profiles.folder / f"{theo}.json").write_text("{")
-        assert await (await client.get("/api/profiles")).json() == {}  # a damaged one is left out
-
-    with_client(teaching, work)
+@with_its_client
+async def test_a_profile_has_its_own_history_which_is_exported_and_deleted(client, teaching, tried):
+    mina, theo = [(await client.told("/api/profiles", **adding(one)))["who"] for one in ("Mina", "Théo")]
+    assert await client.told("/api/profiles") == {mina: "Mina", theo: "Théo"}
+    guests, hers, his = tried(20.0), tried(20.0, who=mina), tried(20.0, who=theo)
+    for who, name in (("", guests), (mina, hers), (theo, his)):
+        history = await client.told(f"/api/history/dance_001?who={who}")
+        assert [one["session"] for one in history] == [name]
+    shown = await client.told(f"/api/profiles/{mina}")
+    assert shown["name"] == "Mina" and [one["session"] for one in shown["dances"][0]["tries"]] == [hers]
+    packed = zipfile.ZipFile(io.BytesIO(await (await client.get(f"/api/profiles/{mina}.zip")).read()))
+    assert set(packed.namelist()) == {"profile.json"} | {f"tries/dance_001/{hers}.{kind}" for kind in ("json", "npz")}
+    teaching.tries.film_path("dance_001", hers).write_bytes(b"film")
+    await client.told(f"/api/profiles/{mina}", method="DELETE")
+    assert left(teaching.tries.folder) == {f"{name}.{kind}" for name in (guests, his) for kind in ("json", "npz")}
+    await client.refused(f"/api/profiles/{mina}")
+    async with client.ws_connect("/live") as socket:
+        await socket.send_json({"do": "prepare", "lesson": {"dance": "dance_001", "who": mina}})
+        assert "no such profile" in english((await socket.receive_json())["text"])
+    assert await client.told("/api/profiles") == {theo: "Théo"}
+    (teaching.profiles.folder / f"{theo}.json").write_text("{")
+    assert await client.told("/api/profiles") == {}  # a damaged one is left out
 
 
-def test_strange_names_and_messages_are_refused_and_never_become_paths(teaching):
-    wrong = [profile_json(one) for one in ("", " a", "a" * 41, "a\nb", "\ud800", 3, "MINA")]
-
-    async def work(client):
-        assert (await client.post("/api/profiles", data=profile_json("Mina"))).status == 200
-        assert (await client.post("/api/profiles", data=profile_json("../../x"))).status == 200  # a name like another
-        for data in (*wrong, "", "[]", '{"name": "A", "age": 3}'):
-            answer = await client.post("/api/profiles", data=data)
-            assert answer.status == 400 and "\n" not in english((await answer.json())["error"]), data
-        for who in ("..%2ftries", "p_00000000", "x" * 300):
-            for ask in (client.get, client.delete):
-                assert (await ask(f"/api/profiles/{who}")).status == 400
-            assert (await client.get(f"/api/profiles/{who}.zip")).status == 400
-        assert (await client.delete("/api/profiles/p_00000000", headers={"Origin": "http://evil.example"})).status == 403
-
-    with_client(teaching, work)
+@with_its_client
+async def test_strange_names_and_messages_are_refused_and_never_become_paths(client, teaching):
+    for name in ("Mina", "../../x"):  # a name like another
+        await client.told("/api/profiles", **adding(name))
+    for wrong in ("", " a", "a" * 41, "a\nb", "\ud800", 3, "MINA"):
+        await client.refused("/api/profiles", **adding(wrong))
+    for data in ("", "[]", '{"name": "A", "age": 3}'):
+        await client.refused("/api/profiles", method="POST", data=data)
+    for who in ("..%2ftries", "p_00000000", "x" * 300):
+        for path, method in ((who, "GET"), (f"{who}.zip", "GET"), (who, "DELETE")):
+            await client.refused(f"/api/profiles/{path}", method=method)
+    await client.told("/api/profiles/p_00000000", 403, "DELETE", headers={"Origin": "http://evil.example"})
     folder = teaching.profiles.folder
     assert len(list(folder.iterdir())) == 2 and not list(folder.parent.rglob("x*"))
 

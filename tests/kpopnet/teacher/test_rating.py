@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 from rated_sets import SKILLS_M, write_set
-from teacher_page import with_client
+from teacher_page import with_client, with_its_client
 
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.dances.ratings import all_pairs, ratings_path, read_ratings
@@ -34,13 +34,12 @@ def rating(made, tmp_path):
 
 
 async def asked(client, rater):
-    answer = await client.get("/api/pair", params={"rater": rater})
-    assert answer.status == 200, await answer.text()
-    return await answer.json()
+    return await client.told("/api/pair", params={"rater": rater})
 
 
-async def said(client, rater, done, choice):
-    return await client.post("/api/answer", data=json.dumps({"rater": rater, "done": done, "choice": choice}))
+async def say(client, rater, done, choice, status=200):
+    given = {"rater": rater, "done": done, "choice": choice}
+    return await client.told("/api/answer", status, "POST", data=json.dumps(given))
 
 
 def stored(rating, rater):
@@ -55,7 +54,7 @@ def test_pairs_are_blind_and_answers_name_the_learners_as_they_were_shown(rating
         for done in range(PAIRS):
             answer = await client.get("/api/pair", params={"rater": "eve"})
             texts.append(str(answer.headers) + await answer.text())
-            await said(client, "eve", done, "right")
+            await say(client, "eve", done, "right")
         return texts
 
     texts, answers = with_client(rating, work), stored(rating, "eve")
@@ -89,55 +88,47 @@ def test_a_figure_stands_upright_on_the_floor_and_misses_what_is_missing(rating)
 def test_two_raters_go_on_where_they_stopped_on_another_server(rating):
     async def first(client):
         for done, choice in enumerate(("left", "right", "equal")):
-            assert (await said(client, "eve", done, choice)).status == 200
-        assert (await said(client, "fay 2", 0, "right")).status == 200
+            await say(client, "eve", done, choice)
+        await say(client, "fay 2", 0, "right")
 
     async def second(client):
         one, other = await asked(client, "eve"), await asked(client, "fay 2")
         assert [(found["done"], found["of"]) for found in (one, other)] == [(3, PAIRS), (1, PAIRS)]
         for done in range(3, PAIRS):
-            await said(client, "eve", done, "left")
+            await say(client, "eve", done, "left")
         assert await asked(client, "eve") == {"done": PAIRS, "of": PAIRS}
-        assert (await said(client, "eve", PAIRS, "left")).status == 400
+        await say(client, "eve", PAIRS, "left", 400)
 
     with_client(rating, first)
     with_client(rating, second)
-    eve, fay = stored(rating, "eve"), stored(rating, "fay 2")
-    assert [one.choice for one in eve[:3]] == ["left", "right", "equal"] and [one.choice for one in fay] == ["right"]
-    assert [one.pair for one in eve] == [one.pair for one in all_pairs(rating.learners, "eve", 0)]
+    assert [one.choice for one in stored(rating, "eve")[:3]] == ["left", "right", "equal"]
+    assert [one.choice for one in stored(rating, "fay 2")] == ["right"]
 
 
-def test_an_answer_counts_once_and_may_be_taken_back(rating):
-    async def work(client):
-        before = await asked(client, "eve")
-        assert (await said(client, "eve", 0, "left")).status == 200
-        again = await said(client, "eve", 0, "right")  # a second tab, or a key pressed twice
-        assert again.status == 400 and "answered already" in (await again.json())["error"]
-        assert [one.choice for one in stored(rating, "eve")] == ["left"]
-        assert (await said(client, "eve", 1, "")).status == 200
-        assert await asked(client, "eve") == before and stored(rating, "eve") == []
-
-    with_client(rating, work)
+@with_its_client
+async def test_an_answer_counts_once_and_may_be_taken_back(client, rating):
+    before = await asked(client, "eve")
+    await say(client, "eve", 0, "left")
+    assert "answered already" in (await say(client, "eve", 0, "right", 400))["error"]  # a second tab, or a key pressed twice
+    assert [one.choice for one in stored(rating, "eve")] == ["left"]
+    await say(client, "eve", 1, "")
+    assert await asked(client, "eve") == before and stored(rating, "eve") == []
 
 
-def test_wrong_messages_and_damaged_files_get_one_clear_sentence_and_write_nothing(rating):
+@with_its_client
+async def test_wrong_messages_and_damaged_files_get_one_clear_sentence_and_write_nothing(client, rating):
     folder = rating.dances.folder
-
-    async def work(client):
-        for content, message in (
-            (b"", "not valid JSON"),
-            (b'{"rater": "eve", "done": 0}', "lacks choice"),
-            (b'{"rater": "eve", "done": 0, "choice": "best"}', "unknown"),
-            (b'{"rater": "../eve", "done": 0, "choice": "left"}', "a rater's name"),
-        ):
-            answer = await client.post("/api/answer", data=content)
-            assert answer.status == 400 and message in (await answer.json())["error"]
-        assert not list(folder.rglob("*eve*"))
-        path = ratings_path(folder, "eve")
-        path.parent.mkdir()
-        path.write_text('{"answers": [')
-        for answer in (await client.get("/api/pair?rater=eve"), await said(client, "eve", 0, "left")):
-            assert answer.status == 400 and "eve.json" in (await answer.json())["error"]
-        assert path.read_text() == '{"answers": ['
-
-    with_client(rating, work)
+    for content, message in (
+        (b"", "not valid JSON"),
+        (b'{"rater": "eve", "done": 0}', "lacks choice"),
+        (b'{"rater": "eve", "done": 0, "choice": "best"}', "unknown"),
+        (b'{"rater": "../eve", "done": 0, "choice": "left"}', "a rater's name"),
+    ):
+        assert message in await client.refused("/api/answer", method="POST", data=content)
+    assert not list(folder.rglob("*eve*"))
+    path = ratings_path(folder, "eve")
+    path.parent.mkdir()
+    path.write_text('{"answers": [')
+    for told in (await client.told("/api/pair?rater=eve", 400), await say(client, "eve", 0, "left", 400)):
+        assert "eve.json" in told["error"]
+    assert path.read_text() == '{"answers": ['

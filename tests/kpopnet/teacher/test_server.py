@@ -5,13 +5,14 @@ import io
 import json
 import pickle
 import random
+import re
 import struct
 import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from posixpath import dirname, normpath
 from unittest.mock import Mock
-from urllib.parse import urljoin
 
 import numpy as np
 import pytest
@@ -19,13 +20,12 @@ import pytest
 aiohttp = pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 from random_requests import SERVER_ERRORS, random_request, status_of  # noqa: E402
-from teacher_page import english, with_client  # noqa: E402
+from teacher_page import english, frame_of, with_client, with_its_client  # noqa: E402
 from yarl import URL  # noqa: E402
 
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
 from kpopnet.errors import InputError  # noqa: E402
 from kpopnet.skeleton import Joint  # noqa: E402
-from kpopnet.teacher.library import Library  # noqa: E402
 from kpopnet.teacher.pages import MOST_PAGES  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
 from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, PageLessons  # noqa: E402
@@ -33,40 +33,34 @@ from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, PageLess
 ASSETS = Path(__file__).parents[2] / "assets"
 
 
-def test_the_page_and_all_that_it_names_come_from_this_server(teaching):
-    async def work(client):
-        page = await client.get("/")
-        assert page.status == 200 and "script-src 'self'" in page.headers["Content-Security-Policy"]
-        seen, waiting = set(), [f"/page/{name}" for name in ("app.js", "style.css", "icon.svg", "beats_worker.js")]
-        text = await page.text()
-        assert all(path in text for path in waiting[:3])
-        while waiting:
-            path = waiting.pop()
-            seen.add(path)
-            answer = await client.get(path)
-            text = await answer.text()
-            assert answer.status == 200 and len(text) > 200, path
-            for line in text.splitlines():
-                if path.endswith(".js") and "three" not in path and ' from ".' in line:
-                    named = "/" + urljoin(path, line.partition(' from "')[2].split('"')[0]).lstrip("/")
-                    waiting += [named] if named not in seen else []
-        assert {"/languages/ko.mjs", "/page/stage.js", "/page/body.js", "/page/vendor/three.js", "/page/result.js"} <= seen
-
-    with_client(teaching, work)
+@with_its_client
+async def test_the_page_and_all_that_it_names_come_from_this_server(client, teaching):
+    page = await client.get("/")
+    assert page.status == 200 and "script-src 'self'" in page.headers["Content-Security-Policy"]
+    seen, waiting = set(), [f"/page/{name}" for name in ("app.js", "style.css", "icon.svg", "beats_worker.js")]
+    text = await page.text()
+    assert all(path in text for path in waiting[:3])
+    while waiting:
+        path = waiting.pop()
+        text = await client.told(path)
+        assert len(text) > 200, path
+        seen.add(path)
+        if path.endswith(".js") and "three" not in path:
+            named = {normpath(f"{dirname(path)}/{name}") for name in re.findall(r' from "(\..+?)"', text)}
+            waiting += named - seen
+    assert {"/languages/ko.mjs", "/page/stage.js", "/page/body.js", "/page/vendor/three.js", "/page/result.js"} <= seen
 
 
-def test_dances_and_the_body_are_served(teaching):
-    async def work(client):
-        dances = await (await client.get("/api/dances")).json()
-        assert [one["identity"] for one in dances] == ["dance_001", "dance_002"]
-        assert dances[0]["phrase_s"] == pytest.approx(8 * 60 / dances[0]["bpm"])
-        assert len(await (await client.get("/api/dances/dance_001/preview")).json()) == 40
-        dance, body = [await (await client.get(path)).json() for path in ("/api/dances/dance_001", "/api/body")]
-        frames = round(dance["seconds"] * dance["fps"])
-        assert len(dance["quats"]) == pytest.approx(frames * len(body["names"]) * 8 * 4 / 3, abs=4)
-        assert (await (await client.get("/api/offer")).json())["sources"] == teaching.sources
-
-    with_client(teaching, work)
+@with_its_client
+async def test_dances_and_the_body_are_served(client, teaching):
+    dances = await client.told("/api/dances")
+    assert [one["identity"] for one in dances] == ["dance_001", "dance_002"]
+    assert dances[0]["phrase_s"] == pytest.approx(8 * 60 / dances[0]["bpm"])
+    assert len(await client.told("/api/dances/dance_001/preview")) == 40
+    dance, body = [await client.told(path) for path in ("/api/dances/dance_001", "/api/body")]
+    frames = round(dance["seconds"] * dance["fps"])
+    assert len(dance["quats"]) == pytest.approx(frames * len(body["names"]) * 8 * 4 / 3, abs=4)
+    assert (await client.told("/api/offer"))["sources"] == teaching.sources
 
 
 STRANGERS = (
@@ -81,39 +75,37 @@ STRANGERS = (
 )
 
 
-def test_strangers_get_nothing_and_its_own_page_is_none(teaching):
-    async def work(client):
-        for headers in STRANGERS:
-            for path in ("/", "/api/dances", "/live", "/page/app.js", "/nothing"):
-                answer = await client.get(path, headers=headers)
-                assert answer.status == 403 and "default-src 'none'" in answer.headers["Content-Security-Policy"], headers
-            with pytest.raises(aiohttp.WSServerHandshakeError):
-                await client.ws_connect("/live", headers=headers)
-            assert (await client.post("/api/dances?file=a.bvh", data=b"x", headers=headers)).status == 403
-        own = {"Origin": f"http://127.0.0.1:{client.port}", "Sec-Fetch-Site": "same-origin"}
-        assert (await client.get("/api/dances", headers=own)).status == 200
-        await (await client.ws_connect("/live", headers=own)).close()
-
-    with_client(teaching, work)
+@with_its_client
+async def test_strangers_get_nothing_and_its_own_page_is_none(client, teaching):
+    for headers in STRANGERS:
+        for path in ("/", "/api/dances", "/live", "/page/app.js", "/nothing"):
+            answer = await client.get(path, headers=headers)
+            assert answer.status == 403 and "default-src 'none'" in answer.headers["Content-Security-Policy"], headers
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            await client.ws_connect("/live", headers=headers)
+        await client.told("/api/dances?file=a.bvh", 403, "POST", data=b"x", headers=headers)
+    own = {"Origin": f"http://127.0.0.1:{client.port}", "Sec-Fetch-Site": "same-origin"}
+    await client.told("/api/dances", headers=own)
+    await (await client.ws_connect("/live", headers=own)).close()
 
 
 def test_other_machines_need_the_token(teaching):
     keys = Keys()
-    name, value = keys.cookie
+    (name, value), door = keys.cookie, f"/?token={keys.token}"
 
     async def work(client):
-        for path in ("/", "/live", "/?token=wrong", "/?token=%C3%A4", f"/api/dances?token={keys.token}"):
-            assert (await client.get(path)).status == 403
+        for path in ("/", "/live", "/?token=wrong", "/?token=%C3%A4", f"/api/dances{door[1:]}"):
+            await client.told(path, 403)
         for cookie in (f"{name}=wrong", f"{name}=\udcff\udcfe", f"{name}={keys.token}", f'{name}="\\303'):
-            assert (await client.get("/", headers={"Cookie": cookie})).status == 403, ascii(cookie)
-        assert (await client.get(f"/?token={keys.token}", headers={"Host": "192.168.0.9:8471"})).status == 200
-        assert (await client.get(f"/?token={keys.token}", headers={"Host": "evil.example"})).status == 403
+            await client.told("/", 403, headers={"Cookie": cookie})
+        await client.told(door, headers={"Host": "192.168.0.9:8471"})
+        await client.told(door, 403, headers={"Host": "evil.example"})
         from_a_file = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}  # as this machine's browser is led here
-        answer = await client.get(f"/?token={keys.token}", headers=from_a_file)
+        answer = await client.get(door, headers=from_a_file)
         cookie = answer.headers["Set-Cookie"]
         assert answer.status == 200 and "HttpOnly" in cookie and "SameSite=Strict" in cookie and keys.token not in cookie
         assert 'content="0;url=/"' in await answer.text()  # and so the token leaves the address
-        assert (await client.get("/api/dances", cookies={name: value})).status == 200
+        await client.told("/api/dances", cookies={name: value})
 
     with_client(teaching, work, keys)
 
@@ -138,14 +130,12 @@ PATHS = (
 )
 
 
-def test_paths_stay_in_their_folders_and_names_are_no_longer_than_files_have(teaching):
-    async def work(client):
-        for path in PATHS:
-            ask = client.session.post if path.endswith("/film") else client.session.get
-            answer = await ask(URL(f"http://127.0.0.1:{client.port}{path}", encoded=True))
-            assert answer.status in (400, 404, 405), (path, await answer.text())
-
-    with_client(teaching, work)
+@with_its_client
+async def test_paths_stay_in_their_folders_and_names_are_no_longer_than_files_have(client, teaching):
+    for path in PATHS:
+        ask = client.session.post if path.endswith("/film") else client.session.get
+        answer = await ask(URL(f"http://127.0.0.1:{client.port}{path}", encoded=True))
+        assert answer.status in (400, 404, 405), (path, await answer.text())
 
 
 UPLOADS = (
@@ -155,77 +145,57 @@ UPLOADS = (
 )
 
 
-def test_dances_of_ones_own_that_are_uploaded_at_once_get_names_of_their_own_and_broken_ones_a_clear_sentence(
-    teaching, library, tmp_path
-):
-    mine = Library(tmp_path / "mine", library.body)
+@with_its_client
+async def test_uploads_at_once_get_names_of_their_own_and_broken_ones_a_clear_sentence(client, own, library):
     whole, performance = io.BytesIO(), library.dance("dance_001").performance
     np.savez(whole, joints_m=performance.joints_m.astype(np.float32), times_s=performance.times_s)
-
-    async def work(client):
-        asked = [client.post("/api/dances?file=my.npz&title=Mine", data=whole.getvalue()) for _ in range(2)]
-        assert {(await answer.json())["identity"] for answer in await asyncio.gather(*asked)} == {"own_001", "own_002"}
-        dances = await (await client.get("/api/dances")).json()
-        assert [(one["name"], one["own"]) for one in dances] == [("Mine", True)] * 2
-        for query, content, told in UPLOADS:
-            answer = await client.post(f"/api/dances?{query}", data=content)
-            message = english((await answer.json())["error"])
-            assert answer.status == 400 and told in message and "/tmp" not in message and "\n" not in message, query
-        answer = await client.post("/api/dances?file=a.bvh", data=io.BytesIO(bytes(MAX_UPLOAD_BYTES + 1)))
-        assert answer.status == 413 and english((await answer.json())["error"]) == "the file is larger than 32 MB"
-
-    with_client(replace(teaching, library=mine), work)
+    asked = [client.told("/api/dances?file=my.npz&title=Mine", method="POST", data=whole.getvalue()) for _ in range(2)]
+    assert {one["identity"] for one in await asyncio.gather(*asked)} == {"own_001", "own_002"}
+    assert [(one["name"], one["own"]) for one in await client.told("/api/dances")] == [("Mine", True)] * 2
+    for query, content, told in UPLOADS:
+        message = await client.refused(f"/api/dances?{query}", method="POST", data=content)
+        assert told in message and "/tmp" not in message, query
+    large = io.BytesIO(bytes(MAX_UPLOAD_BYTES + 1))
+    assert await client.refused("/api/dances?file=a.bvh", 413, "POST", data=large) == "the file is larger than 32 MB"
 
 
-def test_a_dance_recorded_by_webcam_is_a_lesson_and_another_message_a_clear_sentence(teaching, library, tmp_path):
-    mine = Library(tmp_path / "mine", library.body)
+@with_its_client
+async def test_a_dance_recorded_by_webcam_is_a_lesson_and_another_message_a_clear_sentence(client, own):
     with np.load(ASSETS / "webcam_points.npz") as stored:
         points = stored["points"][:4].tolist()  # of one person
     frames = [{"time_s": number / 10, "points": points[number // 15]} for number in range(60)]
-
-    async def work(client):
-        answer = await client.post("/api/recordings?title=Mine&bpm=90", json={"frames": frames})
-        assert (await answer.json())["identity"] == "own_001"
-        for sent, told in ((b"[", "not valid JSON"), (b'{"frames": []}', "pictures, found none"), (b"{}", "frames")):
-            answer = await client.post("/api/recordings", data=sent)
-            assert answer.status == 400 and told in english((await answer.json())["error"]), sent
-
-    with_client(replace(teaching, library=mine), work)
-    dance = mine.dance("own_001")
+    added = await client.told("/api/recordings?title=Mine&bpm=90", method="POST", json={"frames": frames})
+    for sent, told in ((b"[", "not valid JSON"), (b'{"frames": []}', "pictures, found none"), (b"{}", "frames")):
+        assert told in await client.refused("/api/recordings", method="POST", data=sent)
+    dance = own.library.dance(added["identity"])
     assert dance.about.name == "Mine" and dance.about.bpm == 90 and 5.8 < dance.about.seconds < 6
     assert np.nanmedian(dance.joints_m[:, Joint.RIGHT_FOOT, 1] - dance.joints_m[:, Joint.HEAD, 1]) > 1
 
 
-def test_a_broken_dance_is_shown_as_broken_and_leaves_the_others_alone(teaching, library, tmp_path):
-    mine, dance = Library(tmp_path / "mine", library.body), library.dance("dance_001")
-    mine.write("whole", dance)
-    stored = dict(np.load(mine.path("whole")))
-    np.savez(
-        mine.folder / "dances" / "half.npz", **stored | {"about": np.array(str(stored["about"]).replace("name", "n\ud800"))}
-    )
-    (mine.folder / "dances" / "cut.npz").write_bytes(mine.path("whole").read_bytes()[:1000])
-
-    async def work(client):
-        cut, half, whole = await (await client.get("/api/dances")).json()
-        assert "half of a surrogate pair" in half["broken"] and "not a readable .npz" in cut["broken"]
-        assert "broken" not in whole and whole["seconds"] == pytest.approx(dance.about.seconds)
-        assert (await client.get("/api/dances/half")).status == 400 and (await client.get("/api/dances/whole")).status == 200
-
-    with_client(replace(teaching, library=mine), work)
+@with_its_client
+async def test_a_broken_dance_is_shown_as_broken_and_leaves_the_others_alone(client, own, library):
+    dance = library.dance("dance_001")
+    own.library.write("whole", dance)
+    path = own.library.path("whole")
+    stored = dict(np.load(path))
+    np.savez(path.with_stem("half"), **stored | {"about": np.array(str(stored["about"]).replace("name", "n\ud800"))})
+    path.with_stem("cut").write_bytes(path.read_bytes()[:1000])
+    cut, half, whole = await client.told("/api/dances")
+    assert "half of a surrogate pair" in half["broken"] and "not a readable .npz" in cut["broken"]
+    assert "broken" not in whole and whole["seconds"] == pytest.approx(dance.about.seconds)
+    await client.refused("/api/dances/half")
+    await client.told("/api/dances/whole")
     with pytest.raises(InputError, match=r"title: caf\\udce9: a name that is not UTF-8"):
         replace(dance.about, name="caf\udce9")
 
 
-def test_windows_beyond_the_limit_are_told_so(teaching):
-    async def work(client):
-        sockets = [await client.ws_connect("/live") for _ in range(MOST_PAGES)]
-        answer = await client.get("/live")
-        assert answer.status == 503 and "close one of them" in await answer.text()
-        assert (await client.get("/api/dances")).status == 200
-        await sockets[0].close()
-        await (await client.ws_connect("/live")).close()
-
-    with_client(teaching, work)
+@with_its_client
+async def test_windows_beyond_the_limit_are_told_so(client, teaching):
+    sockets = [await client.ws_connect("/live") for _ in range(MOST_PAGES)]
+    assert "close one of them" in await client.told("/live", 503)
+    await client.told("/api/dances")
+    await sockets[0].close()
+    await (await client.ws_connect("/live")).close()
 
 
 MESSAGES = (
@@ -242,36 +212,30 @@ MESSAGES = (
 )
 
 
-def test_wrong_messages_are_answered_and_start_nothing(teaching):
-    async def work(client):
-        socket = await client.ws_connect("/live")
-        for message in MESSAGES:
-            await socket.send_str(message)
-            assert (await socket.receive_json())["kind"] == "error", message
-        await socket.send_str("x" * (MAX_MESSAGE_BYTES + 1))
-        assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
-
-    with_client(teaching, work)
+@with_its_client
+async def test_wrong_messages_are_answered_and_start_nothing(client, teaching):
+    socket = await client.ws_connect("/live")
+    for message in MESSAGES:
+        await socket.send_str(message)
+        assert (await socket.receive_json())["kind"] == "error", message
+    await socket.send_str("x" * (MAX_MESSAGE_BYTES + 1))
+    assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
 
 
-def test_saved_tries_are_listed_and_given_as_files_and_a_broken_one_is_left_out(teaching, tried, tmp_path):
+@with_its_client
+async def test_saved_tries_are_listed_and_given_as_files_and_a_broken_one_is_left_out(client, teaching, tried, tmp_path):
     *names, broken = [tried(1.0, unseen=(Joint.LEFT_FOOT, Joint.RIGHT_FOOT)) for _ in range(3)]  # as before a webcam
     teaching.tries.path("dance_001", broken, "json").write_text("{")
-
-    async def work(client):
-        history = await (await client.get("/api/history/dance_001")).json()
-        assert [one["session"] for one in history] == sorted(names, reverse=True) and history[0]["total"] == 81.5
-        base = f"/api/tries/dance_001/{names[0]}"
-        assert (await (await client.get(f"{base}.json")).json())["session"] == names[0]
-        assert (await (await client.get(f"{base}.csv")).text()).split() == ["time_s,total,left_arm", "0.5,90.0,1.0", "1.5,,2.0"]
-        moved = await (await client.get(f"{base}/movement")).json()
-        assert moved["begin_s"] == 0 and moved["fps"] == 30
-        path = tmp_path / "learner.bvh"
-        path.write_text(await (await client.get(f"{base}.bvh")).text())
-        assert len(read_performance(path)) == 59
-        assert await (await client.get("/api/history/dance_002")).json() == []
-
-    with_client(teaching, work)
+    history = await client.told("/api/history/dance_001")
+    assert [one["session"] for one in history] == sorted(names, reverse=True) and history[0]["total"] == 81.5
+    base = f"/api/tries/dance_001/{names[0]}"
+    assert (await client.told(f"{base}.json"))["session"] == names[0]
+    assert (await client.told(f"{base}.csv")).split() == ["time_s,total,left_arm", "0.5,90.0,1.0", "1.5,,2.0"]
+    moved = await client.told(f"{base}/movement")
+    assert moved["begin_s"] == 0 and moved["fps"] == 30
+    (tmp_path / "learner.bvh").write_text(await client.told(f"{base}.bvh"))
+    assert len(read_performance(tmp_path / "learner.bvh")) == 59
+    assert await client.told("/api/history/dance_002") == []
 
 
 def test_a_history_reads_a_try_once_unless_it_changes_and_forgets_one_that_is_gone(teaching, tried, monkeypatch):
@@ -299,10 +263,10 @@ async def hold(socket, lesson: dict, draws: bool = True) -> tuple[dict, list[dic
     while True:
         message = await socket.receive()
         if message.type is aiohttp.WSMsgType.BINARY:
-            (length,) = struct.unpack_from("<I", message.data)
-            frames.append(json.loads(message.data[4 : 4 + length]))
-            width, height = struct.unpack_from("<HH", message.data, 4 + length)
-            assert len(message.data) == 4 + length + 4 + width * height
+            content, picture = frame_of(message.data)
+            frames.append(content)
+            width, height = struct.unpack_from("<HH", picture)
+            assert len(picture) == 4 + width * height
             if draws:
                 await socket.send_json({"do": "drawn", "page_ms": 1000 * time.time()})
             continue
@@ -315,43 +279,36 @@ async def hold(socket, lesson: dict, draws: bool = True) -> tuple[dict, list[dic
             return content, frames, kinds
 
 
-def test_lessons_are_held_watched_and_saved(teaching):
+@with_its_client
+async def test_lessons_are_held_watched_and_saved(client, teaching):
     """A simulated learner with a hanging arm, then one who stands still, on the same page; slowly, for slow machines."""
     lesson = {"dance": "dance_001", "to_s": 3.0, "speed": 0.5, "skill": "perfect"}
-
-    async def work(client):
-        socket = await client.ws_connect("/live")
-        faulty, frames, _ = await hold(socket, lesson | {"fault": "left arm"})
-        assert faulty["parts"]["left arm"] < 40 < min(faulty["parts"]["left leg"], faulty["parts"]["right leg"])
-        assert faulty["worst"][0]["part"] == "left arm", faulty["worst"]
-        assert any("left arm" in english(frame["words"]) for frame in frames) and len(frames[-1]["joints"]) == 15
-        still, frames, kinds = await hold(socket, lesson | {"skill": "still", "to_s": 2.5}, draws=False)
-        assert still["total"] < 20 and 1 <= len(frames) <= 2 and kinds.count("verdict") >= 1
-        await socket.send_json({"do": "drawn", "page_ms": 7.0})
-        (length,) = struct.unpack_from("<I", late := await socket.receive_bytes())
-        late = json.loads(late[4 : 4 + length])
-        assert late["heard_ms"][0] == 7 and late["heard_ms"][1] <= late["sent_ms"] < late["taken_ms"] + 3000
-        saved = await (await client.get(f"/api/tries/dance_001/{faulty['session']}.json")).json()
-        assert saved["total"] == faulty["total"] and saved["fault"] == "left arm"
-        await socket.close()
-
-    with_client(teaching, work)
+    socket = await client.ws_connect("/live")
+    faulty, frames, _ = await hold(socket, lesson | {"fault": "left arm"})
+    assert faulty["parts"]["left arm"] < 40 < min(faulty["parts"]["left leg"], faulty["parts"]["right leg"])
+    assert faulty["worst"][0]["part"] == "left arm", faulty["worst"]
+    assert any("left arm" in english(frame["words"]) for frame in frames) and len(frames[-1]["joints"]) == 15
+    still, frames, kinds = await hold(socket, lesson | {"skill": "still", "to_s": 2.5}, draws=False)
+    assert still["total"] < 20 and 1 <= len(frames) <= 2 and kinds.count("verdict") >= 1
+    await socket.send_json({"do": "drawn", "page_ms": 7.0})
+    late, _ = frame_of(await socket.receive_bytes())
+    assert late["heard_ms"][0] == 7 and late["heard_ms"][1] <= late["sent_ms"] < late["taken_ms"] + 3000
+    saved = await client.told(f"/api/tries/dance_001/{faulty['session']}.json")
+    assert saved["total"] == faulty["total"] and saved["fault"] == "left arm"
+    await socket.close()
 
 
-def test_no_random_request_is_an_error_of_the_server(teaching, tried):
+@with_its_client
+async def test_no_random_request_is_an_error_of_the_server(client, teaching, tried):
     """`python -m tests.soak.teacher --attack` sends more of them."""
     tried(1.0)
-
-    async def work(client):
-        rng, statuses = random.Random(0), Counter()
-        for _ in range(8):
-            sent = [random_request(rng) for _ in range(25)]
-            answered = await asyncio.gather(*(status_of(client.port, raw) for raw in sent))
-            assert not [(raw, status) for raw, status in zip(sent, answered, strict=True) if status in SERVER_ERRORS]
-            statuses.update(answered)
-        assert len(statuses) > 5 and (await client.get("/api/dances")).status == 200
-
-    with_client(teaching, work)
+    rng, statuses = random.Random(0), Counter()
+    for _ in range(8):
+        sent = [random_request(rng) for _ in range(25)]
+        answered = await asyncio.gather(*(status_of(client.port, raw) for raw in sent))
+        assert not [(raw, status) for raw, status in zip(sent, answered, strict=True) if status in SERVER_ERRORS]
+        statuses.update(answered)
+    assert len(statuses) > 5 and await client.told("/api/dances")
 
 
 @pytest.fixture
