@@ -103,7 +103,7 @@ class HumanModel:
 
     def scaled(self, size: float) -> "HumanModel":
         """The model of a person of the same proportions, this many times as large."""
-        return self._with({(name,): size * getattr(self, name) for name in asdict(self) if name.endswith("_m")})
+        return replace(self, **{name: size * length for name, length in asdict(self).items() if name.endswith("_m")})
 
     def regularised(self) -> "HumanModel":
         """The model with lengths equal on both sides and drawn to the mean proportions of people of the same size.

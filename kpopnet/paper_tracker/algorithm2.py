@@ -106,26 +106,15 @@ def frame_of(depth_m: np.ndarray, ridge: np.ndarray, camera: Camera, sampled: bo
     if len(person_m):
         side_px = max(CELL_M * camera.fx / float(np.median(person_m)), (len(person_m) / MOST_CELLS) ** 0.5)
         side_px = max(1, round(min(side_px, MOST_PX)))
-    intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy, side_px])
-    cells_m, index = cell_points(depth_m, intrinsics)
-    raw = cells_m, np.arange(len(cells_m))
-    if not sampled:
-        raw = _pixel_points(*depth_m.nonzero(), depth_m, intrinsics, index)
-    ridge_points = _pixel_points(*ridge.nonzero(), depth_m, intrinsics, index)
-    return Frame(*ridge_points, *raw, cells_m, *neighbour_graph(cells_m, index))
+    cells_m, index = cell_points(depth_m, np.array([camera.fx, camera.fy, camera.cx, camera.cy, side_px]))
 
+    def pixels(chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        v, u = chosen.nonzero()
+        points_m = camera.back_project(np.stack([u, v, depth_m[chosen]], axis=-1, dtype=np.float64))
+        return points_m, index[v // side_px, u // side_px].astype(np.int64)
 
-@njit(cache=True)
-def _pixel_points(rows, columns, depth, intrinsics, index):
-    """(P, 3) surface points of pixels, and (P,) the numbers of their cells."""
-    fx, fy, cx, cy, side_px = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3], int(intrinsics[4])
-    points, cell = np.empty((len(rows), 3)), np.empty(len(rows), np.int64)
-    for i in range(len(rows)):
-        v, u = rows[i], columns[i]
-        z = float(depth[v, u])
-        points[i, 0], points[i, 1], points[i, 2] = (u - cx) * z / fx, (v - cy) * z / fy, z
-        cell[i] = index[v // side_px, u // side_px]
-    return points, cell
+    raw = (cells_m, np.arange(len(cells_m))) if sampled else pixels(depth_m > 0)
+    return Frame(*pixels(ridge), *raw, cells_m, *neighbour_graph(cells_m, index))
 
 
 @njit(cache=True)

@@ -5,6 +5,8 @@ standing and sitting, in several headings, and fitted to the depth. The pose tha
 enough; the lengths of the person are known only roughly then.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from kpopnet.camera import Camera
@@ -94,7 +96,7 @@ def find_start(
         return joints_m, HumanModel.from_joints(joints_m).regularised()
     if "detector" in ways and detector is not None and (found := _detected(depth_m, camera, detector)) is not None:
         return found
-    return find_upright(grid, tuple(way for way in ways if way in ("standing", "sitting")))
+    return find_upright(grid, ways)
 
 
 def _detected(depth_m: np.ndarray, camera: Camera, detector: Estimator) -> FoundStart | None:
@@ -109,15 +111,15 @@ def _detected(depth_m: np.ndarray, camera: Camera, detector: Estimator) -> Found
 
 
 def find_upright(grid: DepthGrid, postures: tuple[str, ...] = ("standing", "sitting")) -> FoundStart | None:
-    """The person in the image in the posture and heading that fit best; None if none fits well enough."""
+    """The person in the image in the heading, and of the postures, that fit best; None if none fits well enough."""
     height_m, top_width_m, place_m = _silhouette(grid)
     if top_width_m > MAX_TOP_WIDTH_M:
         return None
     stride = max(1, len(grid.points_m) // SUBSAMPLE_POINTS)
     best, least_m2 = None, MAX_COST_M2
-    for posture, model, pose_m in _people(height_m):
-        for heading in HEADINGS_RAD if posture in postures else ():
-            body = body_from_model(model)
+    for model, pose_m in _people(height_m, postures):
+        body = body_from_model(model)
+        for heading in HEADINGS_RAD:
             joints_m = fit(pose_m @ _about_vertical(heading) + place_m, grid, body, START_ITERATIONS, stride)
             joints_m, _ = refit_limbs(joints_m, joints_m, grid, body, stride)
             joints_m = fit(joints_m, grid, body, FINAL_ITERATIONS)
@@ -126,19 +128,19 @@ def find_upright(grid: DepthGrid, postures: tuple[str, ...] = ("standing", "sitt
     return best
 
 
-def _people(height_m: float) -> list[tuple[str, HumanModel, np.ndarray]]:
-    """Posture, lengths and (15, 3) pose of the people who could have a silhouette of this height.
+def _people(height_m: float, postures: tuple[str, ...]) -> Iterator[tuple[HumanModel, np.ndarray]]:
+    """Lengths and (15, 3) pose of the people who could have a silhouette of this height, in each of the postures.
 
     They face the camera; the origin is their highest point above the hips.
     """
-    people = []
-    if STANDING_HEIGHT_RANGE_M[0] <= height_m <= STANDING_HEIGHT_RANGE_M[1]:
+    poses = []
+    if "standing" in postures and STANDING_HEIGHT_RANGE_M[0] <= height_m <= STANDING_HEIGHT_RANGE_M[1]:
         model = AVERAGE_MODEL.scaled(float(np.clip(height_m / AVERAGE_HEIGHT_M, *SIZE_RANGE)))
-        people.append(("standing", model, planar_pose(model)))
-    if SITTING_HEIGHT_RANGE_M[0] <= height_m <= SITTING_HEIGHT_RANGE_M[1]:
-        people.append(("sitting", AVERAGE_MODEL, sitting_pose(AVERAGE_MODEL)))
-    below_top_m = HEAD_BELOW_TOP * AVERAGE_HEIGHT_M
-    return [(posture, model, pose + np.array((0, below_top_m - pose[Joint.HEAD, 1], 0))) for posture, model, pose in people]
+        poses.append((model, planar_pose(model)))
+    if "sitting" in postures and SITTING_HEIGHT_RANGE_M[0] <= height_m <= SITTING_HEIGHT_RANGE_M[1]:
+        poses.append((AVERAGE_MODEL, sitting_pose(AVERAGE_MODEL)))
+    for model, pose in poses:
+        yield model, pose + np.array((0, HEAD_BELOW_TOP * AVERAGE_HEIGHT_M - pose[Joint.HEAD, 1], 0))
 
 
 def sitting_pose(model: HumanModel) -> np.ndarray:

@@ -127,14 +127,14 @@ class Tracker:
         (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error below
         10 cm; NaN and 0 before the start and in frames without a visible person.
         """
-        grid = build_depth_grid(depth_m, self.camera)
+        grid, missing = build_depth_grid(depth_m, self.camera), (np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS))
         if len(grid.points_m) < MIN_POINTS:
             self.miss(time_s)
-            return np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS)
+            return missing
         stalled = self._elapsed_s(time_s) > LOST_S and self.started
         self._missing_s = 0.0
         if not (self.started or self._find_start(depth_m, grid)):
-            return np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS)
+            return missing
         if not self._person.frames:
             self._person.update(self.state.joints_m, grid)
         last = self.state
@@ -183,10 +183,9 @@ class Tracker:
         """Starts if the frame shows a pose to start from; returns whether the tracker has started."""
         found = find_start(depth_m, grid, self.camera, self.ways, self.detector)
         if found is not None:
-            joints_m, model = found
-            self._start(joints_m, model)
+            self._start(*found)
             # Fit before measuring the thickness: a displaced pose would give too thick or too thin parts.
-            self.state = self.state._replace(joints_m=fit(joints_m, grid, self.body, START_ITERATIONS))
+            self.state = self.state._replace(joints_m=fit(found[0], grid, self.body, START_ITERATIONS))
         return self.started
 
     def _next_state(self, joints_m: np.ndarray, depth_m: np.ndarray, grid: DepthGrid) -> State:
