@@ -69,14 +69,14 @@ def _answers(cases: list[Case], seed: int) -> Iterator[tuple[Case, str, str]]:
     processes = multiprocessing.get_context("spawn")
     ours, theirs = processes.Pipe(duplex=False)
     with tempfile.TemporaryDirectory(prefix="fuzz_") as place, patch.dict(os.environ, OMP_NUM_THREADS="1"):
-        child = processes.Process(target=_answer, args=(theirs, cases, seed, Path(place)))
+        child = processes.Process(target=_read_all, args=(theirs, cases, seed, Path(place)))
         child.start()
         theirs.close()
         try:
             for case in cases:
                 try:
                     answer = ours.recv()
-                except EOFError:
+                except (EOFError, OSError):
                     yield case, "hang or crash", "the process that read it ended"
                     return
                 if isinstance(answer, str):  # an exception of its own, and no fault of a reader
@@ -85,11 +85,12 @@ def _answers(cases: list[Case], seed: int) -> Iterator[tuple[Case, str, str]]:
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGKILL)  # with what a reader may have left
+            child.kill()
             child.join()
             ours.close()
 
 
-def _answer(answers: Connection, cases: list[Case], seed: int, place: Path) -> None:
+def _read_all(answers: Connection, cases: list[Case], seed: int, place: Path) -> None:
     """In the child: sends the outcome of each case."""
     os.setsid()
     for output in (1, 2):  # what a library prints is of no interest

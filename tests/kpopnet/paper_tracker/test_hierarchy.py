@@ -14,7 +14,6 @@ from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig, on_s
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
 CAMERA = CAMERAS["kinect_v1"]
-SOURCES = ("ridge", "depth")
 PRINTED, REPAIRED = PaperTrackerConfig(), PaperTrackerConfig(repaired=True)
 
 
@@ -74,22 +73,15 @@ def test_the_search_is_centred_at_the_extrapolated_joint(person) -> None:
     np.testing.assert_array_equal(*repaired)
 
 
-@pytest.mark.parametrize("candidates", SOURCES)
-def test_candidates_beyond_r_are_ignored(person, candidates: str) -> None:
-    """Eqs. (4) and (12)."""
-    joints, depth = person
-    found, support = track(seen(depth), joints, config=PaperTrackerConfig(candidates, r_m=0.06))
-    known = support > 0
-    known[Joint.NECK] = False
-    assert known.any() and (error_m(found, joints)[known] <= 0.06 + 1e-9).all()
-
-
-def test_joints_are_the_mean_of_their_valid_candidates(person) -> None:
-    """Eq. (11), for the head, by numpy."""
+@pytest.mark.parametrize("candidates", ["ridge", "depth"])
+@pytest.mark.parametrize("r_m", [0.06, 0.11])
+def test_joints_are_the_mean_of_their_valid_candidates(person, candidates: str, r_m: float) -> None:
+    """Eqs. (4), (11) and (12), for the head, by numpy."""
     joints, depth = person
     frame = seen(depth)
-    found, support = track(frame, joints)
-    near = frame.ridge_m[np.linalg.norm(frame.ridge_m - joints[Joint.HEAD], axis=1) <= 0.11]
+    found, support = track(frame, joints, config=PaperTrackerConfig(candidates, r_m))
+    points = frame.ridge_m if candidates == "ridge" else frame.raw_m
+    near = points[np.linalg.norm(points - joints[Joint.HEAD], axis=1) <= r_m]
     to_torso = np.linalg.norm(near - joints[Joint.TORSO], axis=1)
     valid = near[np.abs(to_torso - np.linalg.norm(joints[Joint.HEAD] - joints[Joint.TORSO])) <= 0.05]
     assert len(valid) == support[Joint.HEAD] > 0

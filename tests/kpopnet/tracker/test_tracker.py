@@ -4,7 +4,7 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from cone_people import PLACE_M, cone_body, cone_joints, draw_cones, error_m, filmed, tracked
+from cone_people import PLACE_M, cone_body, cone_joints, error_m, filmed, tracked
 from stand_ins import film_of
 
 from kpopnet.camera import CAMERAS
@@ -17,7 +17,6 @@ from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 CAMERA = CAMERAS["kinect_v1"]
 LOST_FRAMES = 30
 """Without times of images, after which a person who is missing is lost."""
-EMPTY = np.zeros((CAMERA.height, CAMERA.width), np.float32)
 
 
 def dance(frames: int = 10) -> np.ndarray:
@@ -64,8 +63,8 @@ def test_thickness_is_measured_after_fitting_the_standing_pose() -> None:
     joints = cone_joints(-66, 4)
     body = cone_body(joints)
     tracker = Tracker(CAMERA, "standing")
-    for _ in range(4):
-        found, _ = tracker.track(draw_cones(joints, body, CAMERA))
+    for image in still(joints, 4):
+        found, _ = tracker.track(image)
     # The errors are 15 and 36 mm if the thickness is measured with the average person's arm pose.
     off = np.abs(tracker.body.radii_m - body.radii_m)
     assert off.mean() < 0.008 and off.max() < 0.025
@@ -98,16 +97,23 @@ def test_a_detector_is_queried_at_high_cost_and_accepted_if_it_fits(dancer) -> N
     idle.estimate.assert_not_called()
 
 
+def still(joints: np.ndarray, frames: int) -> np.ndarray:
+    """(T, H, W) metres of a person who stands still."""
+    return np.repeat(filmed(joints[None], CAMERA), frames, axis=0)
+
+
+def empty(frames: int) -> np.ndarray:
+    return np.zeros((frames, CAMERA.height, CAMERA.width), np.float32)
+
+
 @pytest.mark.parametrize("away", [0, 12], ids=["images missing", "hidden"])
 @pytest.mark.parametrize("aside_m", [0.5, 0.7, 1.2])
 def test_who_comes_back_out_of_reach_of_the_last_pose_is_tracked_there(aside_m: float, away: int) -> None:
     """Also when the next person takes their place: points too far from every part move nothing, whatever the confidence."""
     first = cone_joints(-50, 8, place_m=(-0.6, 0, PLACE_M[2]))
     back = first + np.array((aside_m, 0, 0))
-    shown = [filmed(np.repeat(joints[None], 6, axis=0), CAMERA) for joints in (first, back)]
-    found, confidence = tracked(
-        Tracker(CAMERA), np.concatenate([shown[0], np.repeat(EMPTY[None], away, axis=0), shown[1]]), first
-    )
+    sequence = np.concatenate([still(first, 6), empty(away), still(back, 6)])
+    found, confidence = tracked(Tracker(CAMERA), sequence, first)
     errors_m = error_m(found[-6:], back).mean(axis=-1)
     assert errors_m.max() < 0.05 and confidence[-1].mean() > 0.8
 
@@ -116,21 +122,18 @@ def test_who_comes_after_a_second_without_a_person_is_found_anew() -> None:
     """A sensor that fails, or a person who leaves: the next start is looked for as the first one was."""
     first = cone_joints(-66, 4)
     second = first + np.array((-1.2, 0, 0.4))
-    shown = [filmed(np.repeat(joints[None], 3, axis=0), CAMERA) for joints in (first, second)]
-    empty = np.repeat(EMPTY[None], LOST_FRAMES, axis=0)
     tracker = Tracker(CAMERA, "standing")
-    found = np.array([tracker.track(image)[0] for image in np.concatenate([shown[0], empty, shown[1]])])
+    sequence = np.concatenate([still(first, 3), empty(LOST_FRAMES), still(second, 3)])
+    found = np.array([tracker.track(image)[0] for image in sequence])
     assert np.isnan(found[3:-3]).all()
     assert error_m(found[2], first).mean() < 0.05 and error_m(found[-1], second).mean() < 0.05
-    tracker = Tracker(CAMERA, "label")
-    tracker.start(first)
-    given = np.array([tracker.track(image)[0] for image in np.concatenate([shown[0], empty, shown[0]])])
+    given, _ = tracked(Tracker(CAMERA, "label"), np.concatenate([sequence[:-3], sequence[:3]]), first)
     assert np.isfinite(given[-3:]).all(), "a start that was given is not found again: it is kept"
     tracker = Tracker(CAMERA, "standing")
-    for _ in range(LOST_FRAMES):
-        tracker.track(EMPTY)
+    for image in empty(LOST_FRAMES):
+        tracker.track(image)
     tracker.start(first)
-    tracker.track(EMPTY)
+    tracker.track(image)
     assert tracker.started, "the images before the start do not count"
 
 
@@ -140,7 +143,7 @@ def test_who_comes_after_a_second_without_a_person_is_found_anew() -> None:
 def test_a_person_is_lost_after_a_second_by_the_times_of_the_images(fps: float, missing: int, lost: bool) -> None:
     tracker, times_s = Tracker(CAMERA, "standing"), 1.7e9 + np.arange(100) / fps
     tracker.start(cone_joints(-66, 4))
-    tracker.track(draw_cones(cone_joints(-66, 4), cone_body(cone_joints(-66, 4)), CAMERA), times_s[0])
+    tracker.track(still(cone_joints(-66, 4), 1)[0], times_s[0])
     for time_s in times_s[1 : 1 + missing]:
         tracker.miss(time_s)
     assert tracker.started != lost
@@ -152,7 +155,7 @@ def test_after_seconds_without_an_image_a_start_is_looked_for_and_the_pose_is_no
     standing = cone_joints(-66, 4)
     middle, lying = standing.mean(axis=0), standing.copy()
     lying[:, :2] = (standing - middle)[:, :2] @ np.array([(0, 1), (-1, 0)]) + middle[:2]
-    before, after = (draw_cones(joints, cone_body(joints), CAMERA) for joints in (lying, standing))
+    (before,), (after,) = still(lying, 1), still(standing, 1)
     errors_m = []
     for stall_s in (0.0, 3.0):
         tracker = Tracker(CAMERA)
