@@ -120,12 +120,9 @@ def constant_delay(distances, penalty):
 def best_match(distances, slope, penalty, expected):
     """Open-begin, open-end matching of a window: (L, 2) rows and columns of `distances`; empty without finite distances.
 
-    Args:
-        distances: (n, 2 * band + 1) output of `banded_distances`, n >= 1, radians.
-        slope: True for the step pattern `slope`, False for `free`.
-        penalty: radians per frame. The begin and the end of the match each cost penalty * n / 2 per frame of distance from
-            the expected delay, so that of equally good matches the nearest is chosen.
-        expected: the column of the expected delay.
+    Takes (n, 2 * band + 1) `banded_distances`, n >= 1, radians; whether the step pattern is `slope`, not `free`; a penalty,
+    radians per frame; and the column of the expected delay. The begin and the end of the match each cost penalty * n / 2 per
+    frame of distance from that column, so that of equally good matches the nearest is chosen.
     """
     n, columns = distances.shape
     endpoint_cost = penalty * n / 2 * np.abs(np.arange(columns) - expected)

@@ -99,11 +99,8 @@ class OnlineScorer:
         """The score of the window that ends at a time, from the samples that have arrived; None if there is no such window.
 
         It is known before `lag_s` has passed, for the smoothing of the window's last frames does without the later samples. The
-        dance's score stays as it is.
-
-        Args:
-            end_s: seconds on the teacher's clock, without the set-up's latency; not after the latest sample.
-            least_s: at the dance's begin a window may be shorter than WINDOW_S, but not than this, seconds.
+        dance's score stays as it is. The end is in seconds on the teacher's clock, without the set-up's latency, and not after
+        the latest sample. At the dance's begin a window may be shorter than WINDOW_S, but not than `least_s`.
         """
         stop = min(self._grid.frame_until(end_s) + 1, len(self._grid.frames))
         start = max(stop - WINDOW_FRAMES, 0)

@@ -265,11 +265,8 @@ def check_observed(is_observed: bool, frames: int, whose: str) -> None:
 class TimeGrid:
     """The uniformly spaced times at which two dances are resampled; frame 0 is the teacher's first.
 
-    Attributes:
-        frames: numbers of the frames within the teacher's dance.
-        teacher: the teacher's features at these frames.
-        teacher_m: (T, 15, 3) the teacher's joints at these frames, metres.
-        is_free: (T,) whether these frames lie in a free stretch.
+    `frames` are the numbers of the T frames within the teacher's dance, `teacher` the teacher's features at these, `teacher_m`
+    (T, 15, 3) the joints, metres, and `is_free` (T,) whether they lie in a free stretch.
     """
 
     def __init__(self, teacher: Performance, feature: str, fps: float = FPS, free_s: Stretches = ()) -> None:
@@ -329,13 +326,10 @@ class TimeGrid:
 
 
 class Comparison:
-    """Compares a learner, or the learner's mirror image, with a teacher, window by window.
+    """Compares a learner, or if `mirrored` the learner's mirror image, with a teacher, window by window.
 
-    The result is the same for frames that are added at once or one by one.
-
-    Attributes:
-        mirrored: whether the mirror image of the learner is compared.
-        kept: the windows of the dance's score, which start at multiples of the scorer's `hop_s`.
+    The result is the same for frames that are added at once or one by one. `kept` are the windows of the dance's score, which
+    start at multiples of the scorer's `hop_s`.
     """
 
     def __init__(self, grid: TimeGrid, teacher: PartTeacher | PaperTeacher, mirrored: bool) -> None:

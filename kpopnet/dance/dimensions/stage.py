@@ -163,12 +163,9 @@ class StageScore(NamedTuple):
 
 
 def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarray) -> StageScore:
-    """Grades a learner on the stage.
+    """Grades a learner on the stage, from (T, 15, 3) joints of both and the learner's (T,) delay as the windows matched it.
 
-    Args:
-        teacher_m: (T, 15, 3) joints in metres in the camera frame, FPS frames a second, NaN where missing.
-        learner_m: (T, 15, 3) likewise, on the same clock.
-        delay_s: (T,) the learner's delay at each frame, as the windows matched it.
+    Joints are in metres in the camera frame, FPS frames a second on one clock, NaN where missing.
     """
     teacher, learner = stance(teacher_m), stance(learner_m)
     frames = np.arange(len(delay_s))

@@ -21,24 +21,15 @@ _CHANNEL = re.compile(r"([XYZ])(position|rotation)", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class BvhFile:
-    """The contents of a BVH file of J joints, parents first.
-
-    Attributes:
-        parents: index of each joint's parent, -1 for the root.
-        offsets: (J, 3) rest offset from the parent, in the file's unit.
-        quats: (T, J, 4) local rotations, w, x, y, z.
-        root: (T, 3) position of the root, in the file's unit.
-        fps: frames per second.
-        moved: (T, J, 3) by how much a joint is off its offset from the parent, in the parent's frame; None: by nothing.
-    """
+    """The contents of a BVH file of J joints, parents first."""
 
     names: list[str]
-    parents: list[int]
-    offsets: np.ndarray
-    quats: np.ndarray
-    root: np.ndarray
+    parents: list[int]  # index of each joint's parent, -1 for the root
+    offsets: np.ndarray  # (J, 3) rest offset from the parent, in the file's unit
+    quats: np.ndarray  # (T, J, 4) local rotations, w, x, y, z
+    root: np.ndarray  # (T, 3) position of the root, in the file's unit
     fps: float
-    moved: np.ndarray | None = None
+    moved: np.ndarray | None = None  # (T, J, 3) by how much a joint is off its offset, in the parent's frame; None: by nothing
 
 
 def read_bvh(path: Path) -> BvhFile:

@@ -38,30 +38,18 @@ _MIN_LEG_M, _MAX_LEG_M, _MEAN_LEG_M = 0.6, 1.15, 0.8529
 
 @dataclass(frozen=True)
 class BvhMotion:
-    """A recording in axes of its rest pose: X the subject's left, Y up, Z the front.
+    """A recording in axes of its rest pose: X the subject's left, Y up, Z the front."""
 
-    Attributes:
-        found: index in the file of each recognised joint, by MotionBuilder's name.
-        parents: index of each joint's parent, -1 for the root.
-        rest: (J, 3) positions of the joints in the rest pose, in the file's unit.
-        rotated: (T, J, 4) world rotations relative to the rest pose, w, x, y, z.
-        root_m: (T, 3) position of the root.
-        t_pose: (J, 4) world rotations of the T-pose that the file opened with, if it did.
-        leg_m: length from hip through knee to ankle.
-        metres: per unit of the file.
-        to_canonical: quaternion from the file's axes to these.
-    """
-
-    found: dict[str, int]
-    parents: list[int]
-    rest: np.ndarray
-    rotated: np.ndarray
-    root_m: np.ndarray
-    t_pose: np.ndarray | None
+    found: dict[str, int]  # index in the file of each recognised joint, by MotionBuilder's name
+    parents: list[int]  # index of each joint's parent, -1 for the root
+    rest: np.ndarray  # (J, 3) positions of the joints in the rest pose, in the file's unit
+    rotated: np.ndarray  # (T, J, 4) world rotations relative to the rest pose, w, x, y, z
+    root_m: np.ndarray  # (T, 3) position of the root
+    t_pose: np.ndarray | None  # (J, 4) world rotations of the T-pose that the file opened with, if it did
     fps: float
-    leg_m: float
-    metres: float
-    to_canonical: np.ndarray
+    leg_m: float  # length from hip through knee to ankle
+    metres: float  # per unit of the file
+    to_canonical: np.ndarray  # quaternion from the file's axes to these
 
 
 def read_bvh_motion(path: Path, fps: float | None = None) -> BvhMotion:

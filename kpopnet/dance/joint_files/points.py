@@ -86,21 +86,14 @@ _TO_Y_UP = {
 
 
 class NamedPoints(NamedTuple):
-    """A recording of P named points.
-
-    Attributes:
-        points: (T, P, 3) in metres, centimetres or millimetres, y or z up or down; NaN where missing.
-        times_s: (T,) seconds; None where the file states none, as `fps`.
-        confidence: (T, P) in 0..1; None for 1.
-        image: (T, P, 2) where the points are in a picture, shares of its width and height; None where that is not known.
-    """
+    """A recording of P named points; None for what the file does not state."""
 
     names: Sequence[str]
-    points: np.ndarray
-    times_s: np.ndarray | None = None
-    confidence: np.ndarray | None = None
+    points: np.ndarray  # (T, P, 3) in metres, centimetres or millimetres, y or z up or down; NaN where missing
+    times_s: np.ndarray | None = None  # (T,) seconds
+    confidence: np.ndarray | None = None  # (T, P) in 0..1; None for 1
     fps: float | None = None
-    image: np.ndarray | None = None
+    image: np.ndarray | None = None  # (T, P, 2) where the points are in a picture, shares of its width and height
 
 
 def named_performances(group: Sequence[tuple[NamedPoints, str]], fps: float | None = None) -> list[Performance]:

@@ -59,17 +59,12 @@ MIN_LOSS = 3.0
 
 
 class Cause(NamedTuple):
-    """Why a stretch of the dance is wrong, in seconds on the teacher's clock.
-
-    Attributes:
-        name: one of `CAUSES`.
-        text: it in words, without the time.
-    """
+    """Why a stretch of the dance is wrong, in seconds on the teacher's clock."""
 
     start_s: float
     end_s: float
-    name: str
-    text: Said
+    name: str  # one of `CAUSES`
+    text: Said  # it in words, without the time
 
     @property
     def explains_timing(self) -> bool:
@@ -88,13 +83,12 @@ def causes(score: DanceScore, phrases_s: list[tuple[float, float]]) -> Iterator[
         if not np.isfinite(score.windows.timing[inside]).any() or 2 * rested_s > end_s - start_s:
             continue
         rows = slice(max(round((start_s - first_s) * FPS), 0), round((end_s - first_s) * FPS))  # a phrase may begin before
-        posture = float(np.nanmean(score.windows.posture[inside]))
+        posture, found = float(np.nanmean(score.windows.posture[inside])), None
         if posture <= MAX_POSTURE:
             compared = compared or _compared(score)
             found = _elsewhere(score, compared, rows, posture, inside)
-        else:
-            found = None
-        found = found or (_reduced(moved, start_s - first_s, end_s - first_s) if posture <= 100 - MIN_LOSS else None)
+        if not found and posture <= 100 - MIN_LOSS:
+            found = _reduced(moved, start_s - first_s, end_s - first_s)
         if found:
             yield Cause(start_s, end_s, *found)
 
@@ -122,28 +116,23 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
             yield Cause(first_s + run.start / FPS, first_s + run.stop / FPS, "late entry" if late else "stood still", text)
 
 
-class _Compared(NamedTuple):
-    """Features of the whole dance: the learner's of every frame, the teacher's and its mirror image's of every STRIDE-th."""
-
-    learner: Features
-    teacher: Features
-    mirror: Features
-
-
-def _compared(score: DanceScore) -> _Compared:
-    feature, teacher_m, mirror = score.scorer.feature, score.teacher_m, [-1.0, 1.0, 1.0]
-    teachers = (dance_features(joints_m, feature, FPS) for joints_m in (teacher_m, teacher_m[:, MIRROR] * mirror))
-    return _Compared(dance_features(score.compared_m[1], feature, FPS), *map(_strided, teachers))
+def _compared(score: DanceScore) -> list[Features]:
+    """Of the whole dance: the learner's of every frame, the teacher's and its mirror image's of every STRIDE-th."""
+    teacher_m, mirror = score.teacher_m, [-1.0, 1.0, 1.0]
+    dances_m = score.compared_m[1], teacher_m, teacher_m[:, MIRROR] * mirror
+    learner, *teachers = (dance_features(joints_m, score.scorer.feature, FPS) for joints_m in dances_m)
+    return [learner, *map(_strided, teachers)]
 
 
 def _elsewhere(
-    score: DanceScore, compared: _Compared, rows: slice, posture: float, inside: np.ndarray
+    score: DanceScore, compared: list[Features], rows: slice, posture: float, inside: np.ndarray
 ) -> tuple[str, Said] | None:
     """Which other part of the dance, or its mirror image, a phrase of frames with (N,) windows inside fits: name and text.
 
     None if it fits neither.
     """
-    learner, teacher, mirror = _strided(compared.learner, rows), compared.teacher, compared.mirror
+    whole, teacher, mirror = compared
+    learner = _strided(whole, rows)
     first, band, middle = rows.start // STRIDE, round(BAND_S * FPS / STRIDE), len(teacher.angles_rad)
     if not len(learner.angles_rad):
         return None

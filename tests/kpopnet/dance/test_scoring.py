@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from kpopnet.dance.paper import PaperScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, SCORERS, score_dance
-from kpopnet.dance.timing import measured_latency_s
 from kpopnet.dance.window import PARTS, timing_similarity
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
@@ -269,10 +267,3 @@ def test_the_learners_mirror_image_is_preferred_or_hinted_at():
     assert min(always.similarity, auto.similarity) > 99.9 and always.mirrored and auto.mirrored
     copy = score_dance(performed(JOINTS_M), performed(JOINTS_M), PartScorer("auto"))
     assert copy.similarity > 99.9 and not copy.mirrored and not copy.mirror_fits_better
-
-
-def test_a_known_latency_is_taken_out():
-    late = score_dance(performed(JOINTS_M), performed(noisy(JOINTS_M, 0.02), 0.23))
-    latency_s = measured_latency_s(late.windows.delay_s, late.windows.posture)
-    assert latency_s == pytest.approx(0.23, abs=0.01)
-    assert similarity(JOINTS_M, JOINTS_M, replace(OURS, latency_s=latency_s), 0.23) > 96

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from damaged_files import is_refused
 from marker_files import write_c3d, write_trc
 from recorded_points import FRAMES, person
 
@@ -93,9 +92,9 @@ def test_a_joint_map_may_say_what_names_leave_open_and_other_maps_are_refused(tm
 
 def test_damaged_recordings_are_refused_in_one_line(tmp_path):
     whole = write_c3d(tmp_path / "a.c3d", POINTS_MM, NAMES).read_bytes()
-    for content in (b"", whole[:700], whole[:-4096]):
-        (tmp_path / "a.c3d").write_bytes(content)
-        assert is_refused(lambda: read_performance(tmp_path / "a.c3d"))
+    (tmp_path / "a.c3d").write_bytes(whole[:-4096])
+    with pytest.raises(InputError, match=r"a\.c3d: expected \d+ frames, found \d+; the file is truncated"):
+        read_performance(tmp_path / "a.c3d")
     with pytest.raises(InputError, match="a label for each of 14 points, found 0"):
         read_performance(write_c3d(tmp_path / "a.c3d", POINTS_MM, NAMES, labels=[]))
     text = write_trc(tmp_path / "a.trc", POINTS_MM, NAMES).read_text().splitlines()

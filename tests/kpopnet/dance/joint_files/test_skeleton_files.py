@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bvh_files import write_bvh
-from damaged_files import is_refused
 from gltf_files import write_gltf
 from programs import ROOT
 from scipy.spatial.transform import Rotation
@@ -63,7 +62,6 @@ def test_a_gltf_file_holds_the_dance(tmp_path, in_bvh, name, options):
         (lambda content: content["nodes"][23].update(children=[1]), "node 1: expected one parent"),
         (lambda content: content["accessors"][0].update(sparse={}), "an animation that is neither sparse nor compressed"),
         (lambda content: content["accessors"][0].update(count=10**9), "not a readable glTF 2.0 file"),
-        (lambda content: content["buffers"][0].update(uri="../secret.bin"), "buffers in the file's own folder"),
         (lambda content: content["buffers"][0].update(uri="%2e%2e/secret.bin"), "buffers in the file's own folder"),
     ],
 )
@@ -73,16 +71,6 @@ def test_other_gltf_files_are_refused(tmp_path, change, message):
     with pytest.raises(InputError, match=rf"a\.glb.*{message}") as error:
         read_performance(write_gltf(tmp_path / "in" / "a.glb", DANCE, change=change))
     assert "\n" not in str(error.value)
-
-
-def test_a_truncated_or_empty_file_is_refused(tmp_path):
-    gltf = write_gltf(tmp_path / "a.glb", DANCE)
-    vmd = write_vmd(tmp_path / "a.vmd", {"左腕": [(0, *REST)], "右腕": [(0, *REST)]})
-    for path in (gltf, vmd):
-        whole = path.read_bytes()
-        for content in (whole[: len(whole) // 2], b""):
-            path.write_bytes(content)
-            assert is_refused(lambda path=path: read_performance(path))
 
 
 def bent(motion, bone, degrees):
