@@ -10,7 +10,7 @@ from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.paper import PaperScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import OURS, SCORERS, score_dance
+from kpopnet.dance.scoring import OURS, SCORERS, derived_torso, score_dance
 from kpopnet.dance.window import PARTS, timing_similarity
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
@@ -225,14 +225,15 @@ def test_online_scores_equal_offline_scores(scorer):
 
 
 @pytest.mark.parametrize("asked", ["false", "true", "auto"])
-def test_asking_for_the_score_so_far_changes_nothing(asked):
+def test_asking_for_the_score_so_far_or_for_a_preview_changes_nothing(asked):
     """Half of the dance as the teacher's mirror image: what is shown may change, and the other comparison lags behind it."""
     learner_m = np.concatenate([dance_joints_m(1)[:120], mirrored(dance_joints_m(1))[120:]])
     online, looked_at = (OnlineScorer(performed(dance_joints_m(1)), PartScorer(asked)) for _ in range(2))
     for frame, joints_m in enumerate(learner_m):
         np.testing.assert_equal(looked_at.update(joints_m, frame / FPS), online.update(joints_m, frame / FPS))
-        if frame % 37 == 0:
+        if frame % 37 == 36:
             looked_at.score_so_far()
+            assert looked_at.preview(frame / FPS, 1.0) is not None
     np.testing.assert_equal(looked_at.finish(), online.finish())
 
 
@@ -246,20 +247,6 @@ def test_a_learner_who_joins_late_and_leaves_early_scores_the_same_online(scorer
     assert whole.scored < 0.7 and (whole.similarity < 60 or scorer is not OURS)
 
 
-def test_a_preview_of_a_short_window_knows_the_delay_and_changes_nothing():
-    late_s = 0.1
-    for scorer in (OURS, SCORERS["paper"]):
-        online, previewed = (OnlineScorer(performed(JOINTS_M), scorer) for _ in range(2))
-        for frame in range(45):
-            for one in (online, previewed):
-                one.update(JOINTS_M[frame], frame / FPS + late_s)
-            shown = previewed.preview(frame / FPS, 1.0)
-        assert shown.posture > 90 and shown.delay_s == pytest.approx(late_s, abs=0.06)
-        for frame in range(45, 90):
-            at_s = frame / FPS + late_s
-            assert online.update(JOINTS_M[frame], at_s) == previewed.update(JOINTS_M[frame], at_s)
-
-
 def test_the_learners_mirror_image_is_preferred_or_hinted_at():
     learner = performed(mirrored(JOINTS_M))
     never, always, auto = (score_dance(performed(JOINTS_M), learner, PartScorer(one)) for one in ("false", True, "auto"))
@@ -267,3 +254,22 @@ def test_the_learners_mirror_image_is_preferred_or_hinted_at():
     assert min(always.similarity, auto.similarity) > 99.9 and always.mirrored and auto.mirrored
     copy = score_dance(performed(JOINTS_M), performed(JOINTS_M), PartScorer("auto"))
     assert copy.similarity > 99.9 and not copy.mirrored and not copy.mirror_fits_better
+
+
+@pytest.mark.parametrize("name", ["dance22", "paper"])
+@pytest.mark.parametrize("derived", ["teacher", "learner"])
+def test_where_one_torso_is_derived_the_bend_is_not_compared_and_not_unseen(name, derived):
+    whole, without = performed(JOINTS_M), derived_torso(performed(JOINTS_M))
+    pair = (without, whole) if derived == "teacher" else (whole, without)
+    score, copy = score_dance(*pair, SCORERS[name]), score_dance(without, without, SCORERS[name])
+    assert score.similarity == pytest.approx(copy.similarity, abs=1e-6)
+    assert score.completeness == pytest.approx(copy.completeness)
+    online = OnlineScorer(pair[0], SCORERS[name], torso_is_derived=derived == "learner")
+    followed(online, pair[1])
+    assert online.finish().similarity == pytest.approx(score.similarity, abs=1e-6)
+
+
+def test_of_an_estimator_whose_noise_is_known_the_teachers_own_torso_stays():
+    teacher = performed(JOINTS_M)
+    score = score_dance(teacher, derived_torso(teacher), PartScorer(noise="webcam"))
+    np.testing.assert_array_equal(score.teacher_m, score_dance(teacher, teacher).teacher_m)

@@ -164,10 +164,8 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path, cha
     expected -= expected[:, HIPS].mean(axis=1, keepdims=True)
 
     def lines(points):
-        rows = ((k, index, x, y, z) for k, frame in enumerate(points) for index, (x, y, z) in enumerate(frame))
-        return "\n".join(
-            ["timestamp_ms,landmark,x,y,z,visibility", *(f"{40 * k},{i},{x},{y},{z},0.8" for k, i, x, y, z in rows)]
-        )
+        rows = (f"{40 * k},{index},{x},{y},{z},0.8" for k, frame in enumerate(points) for index, (x, y, z) in enumerate(frame))
+        return "\n".join(["timestamp_ms,landmark,x,y,z,visibility", *rows, ""])
 
     write_landmarks(tmp_path / "a.json", 3, pose_world_landmarks=mediapipe())
     (tmp_path / "b.csv").write_text(lines(mediapipe()))
@@ -181,15 +179,9 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path, cha
     (tmp_path / "picture.csv").write_text(lines(mediapipe() * 0.4 + [0.5, 0.5, 0.0]))
     with pytest.raises(InputError, match=r"picture\.csv: points in shares .* needs MediaPipe's pose_world_landmarks"):
         read_performance(tmp_path / "picture.csv")
-    by_number = ["frame,landmark,x,y,z,world_x,world_y,world_z"]
-    for number, points in enumerate(mediapipe().tolist()):
-        if number != 2:  # no person was found in it
-            by_number += [f"{20 + number},{index},0.5,0.5,0,{x},{y},{z}" for index, (x, y, z) in enumerate(points)]
-    (tmp_path / "c.csv").write_text("\n".join(by_number))
-    read = read_performance(tmp_path / "c.csv", 25)
-    np.testing.assert_allclose(read.joints_m[22], expected[3], atol=0.02)  # frames count from 1 where none is 0
-    unseen = np.isnan(read.joints_m).all(axis=(1, 2))
-    assert np.flatnonzero(unseen).tolist() == [*range(19), 21] and read.times_s[22] == pytest.approx(0.88)
+    both = lines(mediapipe()).replace("x,y,z", "world_x,world_y,world_z,x,y,z").replace(",0.8\n", ",0.5,0.5,0,0.8\n")
+    (tmp_path / "both.csv").write_text(both)  # where they are in the picture, too
+    np.testing.assert_array_equal(read_performance(tmp_path / "both.csv").joints_m, read.joints_m)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1920, 1080), (720, 1280), (640, 480)])
