@@ -21,6 +21,7 @@ def wall(z_m: float, camera: Camera = CAMERA) -> np.ndarray:
     return np.full((camera.height, camera.width), z_m, np.float32)
 
 
-def measure(depth_m: np.ndarray, camera: Camera, config: SensorConfig, rng, limb_ends_camera_m=None) -> np.ndarray:
-    """(h, w) float32 measured depth of all surfaces of an image."""
-    return measure_labelled(depth_m, np.ones(depth_m.shape, np.uint8), camera, config, rng, limb_ends_camera_m)[0]
+def measure(depth_m: np.ndarray, config: SensorConfig, seed=0, camera: Camera = CAMERA, limb_ends_m=None) -> np.ndarray:
+    """(h, w) float32 measured depth of all surfaces of an image; `seed` may be a generator."""
+    rng = np.random.default_rng(seed)
+    return measure_labelled(depth_m, np.ones(depth_m.shape, np.uint8), camera, config, rng, limb_ends_m)[0]

@@ -107,8 +107,7 @@ def simulated(source: MotionSource, count: int, split: str, seed: int) -> Iterat
         whole = x0 > 1 and y0 > 1 and x1 < camera.width - 1 and y1 < camera.height - 1
         if whole and sample.visible.all():
             depth_m = sample.depth_mm.astype(np.float32) / 1000
-            rng = np.random.default_rng([seed, index])
-            yield measure(depth_m, camera, SENSORS["kinect_v1"], rng), camera, sample.joints_camera_m
+            yield measure(depth_m, SENSORS["kinect_v1"], [seed, index], camera), camera, sample.joints_camera_m
 
 
 def family(angles: Callable[[np.random.Generator], dict[str, float]]) -> MotionSource:
