@@ -1,31 +1,52 @@
-"""Draws docs/figures/clothes.png and stances.png: every garment on one body, and poses of every family.
+"""Draws pictures of docs/generating.md: what is simulated.
 
-python tools/people_figures.py
+python tools/people_figures.py                 # clothes, stances, props
+python tools/people_figures.py data/rooms      # rooms: a frame of the first film of each kind of scene, and single images
 """
 
+import sys
 from dataclasses import replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from kpopnet.camera import Camera
-from kpopnet.viz.drawing import TRUE, draw_skeleton, enlarged, save_png, sheet, with_captions
+from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.datasets.protocol import BenchmarkConfig
+from kpopnet.datasets.simulated import PeopleSet
+from kpopnet.skeleton import Joint
+from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
 from synth.body.asset import load_body
 from synth.body.garments import HELD_BACK, ORDINARY, Figure, hair, shoes
 from synth.body.outfit import ClothesConfig, unworn
 from synth.body.shape import BodyConfig, Person, draw_person, dress, shape_person
+from synth.motion import MotionConfig
 from synth.motion.poses import FAMILIES, ProceduralPoses
 from synth.motion.posture import angles, rotations
-from synth.samples.sampler import body_rotations
+from synth.samples.placing import StageConfig
+from synth.samples.sampler import RenderedSample, SampleConfig, Sampler, body_rotations
+from synth.scene.props import NO_PROPS, PropsConfig
 from synth.scene.render import CpuRenderer
-from synth.scene.room import View
+from synth.scene.room import posed_view
 from synth.scene.scene import Scene
+from synth.simulated.rooms import SINGLE
+from synth.simulated.sequences import frame_tile
 
 FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
 CAMERA = Camera.centred(420.0, 260, 320)
 DISTANCE_M, HEIGHT_M = 2.9, 0.95
 NOTHING = ClothesConfig(**dict.fromkeys(vars(ClothesConfig()), 0.0))
+
+UPRIGHT = ("standing", "free_arms", "dancing")
+NEAR = StageConfig(cut=0, distance_m=(1.8, 3.2))
+PROPS = {
+    "on a seat": (("squat",), NEAR, PropsConfig(seat=1, held=0, second_person=0, attached=0.5)),
+    "holding something": (UPRIGHT, NEAR, PropsConfig(seat=0, held=1, second_person=0, attached=0)),
+    "with a second person": (UPRIGHT, NEAR, PropsConfig(seat=0, held=0, second_person=1, attached=1)),
+    "cut by the border": (UPRIGHT, StageConfig(cut=1), NO_PROPS),
+}
+"""Title of a row, its families of poses, where people stand, and what is around them."""
 
 
 class Photographer:
@@ -33,8 +54,7 @@ class Photographer:
 
     def __init__(self) -> None:
         self.scene = Scene(CAMERA)
-        forward_right_down = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T  # camera x right, y down, z forward
-        self.scene.set_view(View(np.array([0, -DISTANCE_M, HEIGHT_M]), forward_right_down))
+        self.scene.set_view(posed_view(np.array([0, -DISTANCE_M, HEIGHT_M]), 0.0, 0.0))
         self.renderer = CpuRenderer(self.scene)
 
     def picture(
@@ -96,7 +116,47 @@ def stances(photographer: Photographer) -> np.ndarray:
     return sheet(rows, (TRUE,), "SIMULATED: families of procedural poses")
 
 
+def props() -> np.ndarray:
+    """Seats, held objects, second people, and people whom the image's border cuts."""
+    rows = []
+    for title, (families, stage, around) in PROPS.items():
+        config = SampleConfig(
+            motion=MotionConfig("poses"), stage=stage, props=around, renderer="cpu", samples_per_body=1, samples_per_room=1
+        )
+        sampler = Sampler(config, 0, "train")
+        sampler.source = ProceduralPoses({name: FAMILIES[name] for name in families})
+        shown = (one for one in sampler.samples(0, 300) if around == NO_PROPS or not one.around.is_empty)
+        rows.append((title, [props_tile(one, sampler.scene.camera) for one in islice(shown, 6)]))
+    return sheet(rows, (TRUE,), "simulated: the people, and what is segmented as the person")
+
+
+def props_tile(rendered: RenderedSample, camera: Camera) -> np.ndarray:
+    """Above: everything but the room. Below: what is segmented as the person, with the true joints."""
+    sample = rendered.sample
+    scene_m = person_m = sample.depth_mm / np.float32(MM_PER_METRE)
+    for other_m in rendered.around.others_m:
+        scene_m = np.where((other_m > 0) & ((scene_m == 0) | (other_m < scene_m)), other_m, scene_m)
+    skeleton = enlarged(depth_rgb(person_m), 190)
+    draw_skeleton(skeleton, sample.joints_camera_m, camera, TRUE)
+    caption = f"torso at {sample.joints_camera_m[Joint.TORSO, 2]:.1f} m"
+    return np.concatenate([enlarged(depth_rgb(scene_m), 190), with_captions(skeleton, (caption,))])
+
+
+def rooms(folder: str) -> np.ndarray:
+    films, tiles, kinds = PeopleSet(BenchmarkConfig("rooms", folder)), [], []
+    for name in films.names:
+        stored = films.read(name)
+        if kinds.count(stored.kind) < (12 if stored.kind == SINGLE else 1):
+            kinds.append(stored.kind)
+            tiles.append(frame_tile(stored, len(stored.depth) // 2, stored.kind.replace("_", " ")))
+    return sheet([("", tiles[first : first + 5]) for first in range(0, len(tiles), 5)], (TRUE,), "SIMULATED: rooms")
+
+
 if __name__ == "__main__":
-    photographer = Photographer()
-    save_png(FIGURES / "clothes.png", clothes(photographer))
-    save_png(FIGURES / "stances.png", stances(photographer))
+    if sys.argv[1:]:
+        save_png(FIGURES / "rooms.png", rooms(sys.argv[1]))
+    else:
+        photographer = Photographer()
+        save_png(FIGURES / "clothes.png", clothes(photographer))
+        save_png(FIGURES / "stances.png", stances(photographer))
+        save_png(FIGURES / "props.png", props())

@@ -29,6 +29,7 @@ from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import JOINT_GROUPS, NUM_JOINTS, Joint
 from kpopnet.viz.drawing import BACKGROUND, depth_rgb, save_png, sheet, with_captions
+from synth.samples.layers import at_joints
 from synth.samples.observe import ExtractionConfig, Observer
 from synth.sensor.model import SENSORS
 
@@ -135,12 +136,10 @@ def ridge_share(frame: Frame) -> float:
 
 def joint_depth_cm(frame: Frame, joints: tuple[Joint, ...]) -> float:
     """Mean depth of joints behind the surface at their pixels; joints at pixels without a measurement are left out."""
-    (height, width), depths_m = frame.depth_m.shape, []
-    for u, v, z in frame.camera.project(frame.joints_camera_m[list(joints)]):
-        if np.isfinite([u, v]).all() and 0 <= round(v) < height and 0 <= round(u) < width:
-            surface_m = frame.depth_m[round(v), round(u)]
-            depths_m += [z - surface_m] if surface_m > 0 else []
-    return 100 * float(np.mean(depths_m)) if depths_m else np.nan
+    joints_m = frame.joints_camera_m[list(joints)]
+    surface_m = at_joints(frame.depth_m, joints_m, frame.camera)
+    measured = surface_m > 0
+    return 100 * float(np.mean((joints_m[:, 2] - surface_m)[measured])) if measured.any() else np.nan
 
 
 # Measures of any frame with a person, and of upright people whom the border does not cut. Of a bool the share is told.

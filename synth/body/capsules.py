@@ -1,6 +1,7 @@
 """Collision capsules of a person for MuJoCo's self-collision test, and the pairs that may overlap."""
 
 import numpy as np
+from scipy.sparse.csgraph import shortest_path
 
 from synth.body.asset import load_body
 from synth.body.shape import Person
@@ -70,7 +71,9 @@ def fit_capsules(person: Person) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
 
 def may_touch() -> np.ndarray:
     """(C, C) bool: pairs with at most two joints between them, and pairs that are in contact in ordinary poses."""
-    may = np.array([[_joints_between(a, b) <= 2 for b in BONES] for a in BONES])
+    tree = np.zeros((len(_ASSET.bone_names),) * 2)
+    tree[np.arange(1, len(tree)), _ASSET.bone_parents[1:]] = 1
+    may = shortest_path(tree, directed=False)[np.ix_(BONES, BONES)] <= 2
     allowed = [(name, *TRUNK) for name in (*TRUNK, "Head")]
     for side in ("Left", "Right"):
         allowed.append((f"{side}Arm", "Spine1", "Spine", "Head"))
@@ -80,13 +83,3 @@ def may_touch() -> np.ndarray:
         a, b = _NAMES.index(one), [_NAMES.index(other) for other in others]
         may[a, b] = may[b, a] = True
     return may
-
-
-def _joints_between(a: int, b: int) -> int:
-    """Number of joints on the path from bone a to bone b in the bone tree."""
-    to_root = [a], [b]
-    for line in to_root:
-        while _ASSET.bone_parents[line[-1]] >= 0:
-            line.append(int(_ASSET.bone_parents[line[-1]]))
-    common = next(bone for bone in to_root[0] if bone in to_root[1])
-    return to_root[0].index(common) + to_root[1].index(common)

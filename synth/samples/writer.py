@@ -19,7 +19,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.data.shards import FORMAT, VERSION, Sample, ShardedSet, open_shard, read_header, shard_path
 from kpopnet.errors import InputError, check_between, check_seed
-from kpopnet.runtime.atomic_write import atomic_hdf5, atomic_path, remove_unfinished
+from kpopnet.runtime.atomic_write import atomic_hdf5, remove_unfinished, write_json
 from kpopnet.skeleton import JOINT_NAMES
 from kpopnet.viz.drawing import TRUE, depth_rgb, enlarged, probability_rgb, save_png, scene_tile, sheet, with_captions
 from synth.body.asset import ASSET
@@ -110,8 +110,7 @@ def finish(config: SetConfig, folder: Path, look: FreezeConfig) -> dict | None:
                 totals[name] += int(file.attrs[name])
     summary |= totals | {"bytes": sum(path.stat().st_size for path in stored.paths)}
     # Jobs that end at the same time may both write: each replaces the whole file.
-    with atomic_path(folder / "set.json") as part:
-        part.write_text(json.dumps(summary | {"config": json.loads(config.as_json())}, indent=1))
+    write_json(folder / "set.json", summary | {"config": json.loads(config.as_json())})
     save_png(folder / "contact_sheet.png", draw_contact_sheet(stored, look, config.seed))
     return summary
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from kpopnet.skeleton import Joint
-from synth.motion import MotionConfig, Poses
-from synth.motion.skeleton import INDEX
+from synth.motion import MotionConfig
 from synth.samples.placing import NEAREST_M, StageConfig
 from synth.samples.sampler import RenderedSample, SampleConfig, Sampler, heading_rad
 from synth.scene.mesh import about_z
@@ -117,22 +116,10 @@ def test_yaw_is_the_heading_relative_to_the_camera(sampler: Sampler) -> None:
         assert heading_rad(scene) == pytest.approx(turn, abs=1e-6)
 
 
-class PenetratingPose:
-    """A motion source with one pose: the arms penetrate the chest."""
-
-    def poses(self, generators: list[np.random.Generator]) -> Poses:
-        quats = np.tile(np.array([1, 0, 0, 0], np.float32), (len(generators), 23, 1))
-        for side, sign in (("Left", 1), ("Right", -1)):
-            quats[:, INDEX[f"{side}Arm"]] = np.cos(0.7), 0, 0, -sign * np.sin(0.7)
-            quats[:, INDEX[f"{side}ForeArm"]] = np.cos(0.75), 0, 0, -sign * np.sin(0.75)
-        count = len(generators)
-        root_m = np.tile(np.float32([0, 0.9, 0]), (count, 1))
-        return Poses(quats, root_m, np.full(count, 0.85, np.float32), ["bad"] * count)
-
-
 def test_self_penetration_is_rejected_and_the_number_of_tries_is_limited() -> None:
-    sampler = Sampler(replace(CONFIG, stage=StageConfig(tries=3)), 7, "train")
-    sampler.source = PenetratingPose()
-    (rendered,) = sampler.samples(0, 1)
-    assert rendered.forced and rendered.rejected == 3
-    assert sampler.scene.penetration_m() > 0.02
+    sampler = Sampler(replace(CONFIG, stage=StageConfig(tries=2, penetration_m=0.0), props=NO_PROPS), 7, "train")
+    rejected = set()
+    for rendered in sampler.samples(0, 60):
+        rejected.add(rendered.rejected)
+        assert rendered.forced == (rendered.rejected == 2) == (sampler.scene.penetration_m() > 0)
+    assert rejected == {0, 1, 2}

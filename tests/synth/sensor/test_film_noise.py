@@ -22,10 +22,10 @@ def without_holes(name):
 GRAIN = only(axial_floor_m=0.01, grain_px=9.0, grain_flicker=0.06, baseline_m=0.075, grain_disparity_px=0.25)
 
 
-def shoot(depth, config, number, camera=CAMERA, noise=NOISE, ends=None):
+def shoot(depth, config, number, camera=CAMERA, noise=NOISE):
     """(h, w) depth of one frame of a film."""
     rng, shared = noise.frame(number)
-    return measure_labelled(depth, np.ones(depth.shape, np.uint8), camera, config, rng, ends, shared)[0]
+    return measure_labelled(depth, np.ones(depth.shape, np.uint8), camera, config, rng, film=shared)[0]
 
 
 def correlation(a, b):
@@ -57,9 +57,7 @@ def test_white_disparity_noise_keeps_its_variance_and_draws_only_its_share_anew(
     assert abs(correlation(frames[0][:, 1:], frames[0][:, :-1])) < 0.02
 
 
-@pytest.mark.parametrize(
-    "config", [GRAIN, only(baseline_m=0.075, disparity_noise_px=0.02, grain_disparity_px=0.25)], ids=["grain", "white"]
-)
+@pytest.mark.parametrize("config", [GRAIN, only(baseline_m=0.075, disparity_noise_px=0.02, grain_disparity_px=0.25)])
 def test_a_crop_has_the_noise_of_the_whole_image(config):
     crop = CAMERA.cropped(37, 51, 100, 80)
     whole, part = shoot(wall(2.8), config, 2), shoot(wall(2.8, crop), config, 2, crop)
