@@ -81,14 +81,6 @@ class Surroundings(NamedTuple):
 NOTHING = Surroundings([], np.zeros((0, 3)), np.zeros((0, 3)), None)
 
 
-class _Standing(NamedTuple):
-    """A person at a place: the posed body, where the hips are in the world, and the cells that its surface fills."""
-
-    body: Body
-    place_m: np.ndarray
-    cells: np.ndarray
-
-
 class RoomScenes(Sampler):
     """Draws the scenes of one split, whose images have at most `most_px` (width, height) pixels."""
 
@@ -113,7 +105,7 @@ class RoomScenes(Sampler):
         count = int(rng.choice(MOST_PEOPLE + 1, p=SHARES_OF_COUNTS)) if not alone else int(rng.integers(1, 4))
         nearest_m = nearest_depth_m([draw_mesh_m(scene, mesh) for mesh in around.meshes], scene.camera)
         labels = np.zeros(nearest_m.shape, np.uint8)
-        standing: list[_Standing] = []
+        standing: list[tuple[np.ndarray, np.ndarray]] = []  # of each person where the hips are, and the cells that they fill
         joints_m, pixels = [], []
         # Eight scenes in a row show the same people: to dress one takes longer than to draw one.
         numbers = [index // 8 * MOST_PEOPLE + slot for slot in range(count)]
@@ -142,7 +134,7 @@ class RoomScenes(Sampler):
             if own.random() < HOLDS:
                 held_m = draw_mesh_m(scene, held_by(own, scene, left=own.random() < 0.5))
                 person_m = nearest_depth_m([person_m, held_m], scene.camera)
-            standing.append(_Standing(body, place_m, _cells(body, place_m)))
+            standing.append((place_m, _cells(body, place_m)))
             for thing_m in things_m:
                 labels[_put(nearest_m, thing_m)] = 0
             labels[_put(nearest_m, person_m)] = len(standing)
@@ -190,7 +182,7 @@ class RoomScenes(Sampler):
         rng: np.random.Generator,
         body: Body,
         raised_m: float,
-        standing: list[_Standing],
+        standing: list[tuple[np.ndarray, np.ndarray]],
         around: Surroundings,
         framed: bool,
     ) -> np.ndarray | None:
@@ -201,8 +193,8 @@ class RoomScenes(Sampler):
         close = bool(standing) and rng.random() < CLOSE
         for _ in range(PLACE_TRIES):
             if close:
-                angle, beside = rng.uniform(-np.pi, np.pi), standing[rng.integers(len(standing))].place_m
-                place_m = beside + rng.uniform(*CLOSE_M) * np.array([np.cos(angle), np.sin(angle), 0])
+                angle, (beside_m, _) = rng.uniform(-np.pi, np.pi), standing[rng.integers(len(standing))]
+                place_m = beside_m + rng.uniform(*CLOSE_M) * np.array([np.cos(angle), np.sin(angle), 0])
             else:
                 y_m = rng.uniform(*distance_m)
                 place_m = np.array([rng.uniform(-1.1, 1.1) * y_m * camera.width / (2 * camera.fx), y_m, 0.0])
@@ -218,7 +210,7 @@ class RoomScenes(Sampler):
             if overlaps_boxes(body.vertices_m, place_m, around.centres_m, around.halves_m, yaws_rad, 0.0):
                 continue
             cells = _cells(body, place_m)
-            if all(np.isin(cells, other.cells).mean() <= MOST_SHARED for other in standing):
+            if all(np.isin(cells, others).mean() <= MOST_SHARED for _, others in standing):
                 return place_m
         return None
 

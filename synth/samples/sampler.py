@@ -146,7 +146,7 @@ class Sampler:
         self.renderer = make_renderer(config.renderer, self.scene)
         self._seed = (seed, SPLITS.index(split))
         self._known_person = lru_cache(BLOCK)(self.person)
-        self._room: tuple[int, Site] | None = None
+        self.room = lru_cache(1)(self._room)  # the scene shows the last one
 
     def close(self) -> None:
         self.renderer.close()
@@ -157,15 +157,13 @@ class Sampler:
     def person(self, number: int) -> Person:
         return draw_person(self._rng("body", number), self.config.body, self.split)
 
-    def room(self, index: int) -> Site:
-        if self._room is None or self._room[0] != index:
-            rng = self._rng("room", index)
-            view, room = draw_view(rng, self.config.view), draw_room(rng, LIVING_ROOM)
-            self.scene.set_view(view)
-            self.scene.set_room(room)
-            depth_mm, floor = millimetres(self.renderer.room_m()), view.floor().astype(np.float32)
-            self._room = index, Site(room, view, self.scene.camera, depth_mm, floor)
-        return self._room[1]
+    def _room(self, index: int) -> Site:
+        rng = self._rng("room", index)
+        view, room = draw_view(rng, self.config.view), draw_room(rng, LIVING_ROOM)
+        self.scene.set_view(view)
+        self.scene.set_room(room)
+        depth_mm, floor = millimetres(self.renderer.room_m()), view.floor().astype(np.float32)
+        return Site(room, view, self.scene.camera, depth_mm, floor)
 
     def room_of(self, index: int) -> int:
         return index // self.config.samples_per_room

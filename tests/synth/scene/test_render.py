@@ -86,21 +86,10 @@ def test_renderers_are_selected_by_name() -> None:
 
 @pytest.mark.parametrize(("backend", "on_gpu"), [("", True), ("osmesa", True), ("egl", True), ("egl", False)])
 def test_auto_draws_with_gl_only_where_egl_does_it_on_a_gpu(backend, on_gpu, monkeypatch) -> None:
-    closed = []
-
-    class Gl(CpuRenderer):
-        name = "gl"
-
-        def __init__(self, scene: Scene) -> None:
-            assert backend == "egl", "a GL context was created"
-
-        def on_gpu(self) -> bool:
-            return on_gpu
-
-        def close(self) -> None:
-            closed.append(self)
-
+    done = []
     monkeypatch.setenv("MUJOCO_GL", backend)
-    monkeypatch.setattr("synth.scene.render.GlRenderer", Gl)
+    monkeypatch.setattr(GlRenderer, "__init__", lambda self, scene: done.append("a GL context is made"))
+    monkeypatch.setattr(GlRenderer, "on_gpu", lambda self: on_gpu)
+    monkeypatch.setattr(GlRenderer, "close", lambda self: done.append("and closed"))
     assert make_renderer("auto", Scene(CAMERA)).name == ("gl" if backend == "egl" and on_gpu else "cpu")
-    assert bool(closed) == (backend == "egl" and not on_gpu)
+    assert done == (["a GL context is made", "and closed"][: 1 if on_gpu else 2] if backend == "egl" else [])
