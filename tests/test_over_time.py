@@ -1,10 +1,10 @@
 """The tools that make films for networks over time and train these: through the programs."""
 
+import json
 import re
 
 import numpy as np
 import pytest
-from checkpoints import save_untrained
 from programs import run_program
 
 from kpopnet.networks.over_time import Measured
@@ -51,22 +51,13 @@ def test_a_short_training_steadies_a_person_at_rest_and_repeats(tmp_path, form):
         ("tools/graded_learners.py", ("--dances", 0), "dance_000_perfect_0.npz"),
     ],
 )
-def test_films_of_other_settings_or_of_unknown_origin_are_not_taken_for_finished(tmp_path, program, none, film):
+def test_films_of_another_network_or_seed_are_not_taken_for_finished(tmp_path, program, none, film):
     """`none`: what makes no film."""
-    (tmp_path / "old").mkdir()
-    (tmp_path / "old" / film).touch()
-    ended = run_program(program, tmp_path, "old", *none)
-    assert ended.returncode == 1 and "old: holds" in ended.stderr and "without a manifest.json" in ended.stderr
-    assert run_program(program, tmp_path, "new", *none).returncode == 0
-    (tmp_path / "new" / film).touch()
-    other = run_program(program, tmp_path, "new", *none, "--seed", 5)
-    assert other.returncode == 1 and "new: holds files made with seed=" in other.stderr
-
-
-def test_films_of_another_network_are_not_taken_for_finished(tmp_path):
-    save_untrained(tmp_path / "run")
-    words = ("tools/over_time_films.py", tmp_path, "films", "--films", 0)
-    assert run_program(*words).returncode == 0
-    (tmp_path / "films/film_00000.npz").touch()
-    other = run_program(*words, "--checkpoint", "run/best")
-    assert other.returncode == 1 and "films: holds files made with weights=" in other.stderr
+    assert run_program(program, tmp_path, "films", *none).returncode == 0
+    (tmp_path / "films" / film).touch()
+    manifest = tmp_path / "films" / "manifest.json"
+    made_with = json.loads(manifest.read_text())
+    for name in ("weights", "seed"):
+        manifest.write_text(json.dumps(made_with | {name: 5}))
+        other = run_program(program, tmp_path, "films", *none)
+        assert other.returncode == 1 and f"films: holds files made with {name}=5" in other.stderr

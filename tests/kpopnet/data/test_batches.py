@@ -26,24 +26,19 @@ def same(first, second):
     return all(np.array_equal(np.asarray(a), np.asarray(b)) for a, b in zip(first, second, strict=True))
 
 
-def test_every_epoch_holds_every_sample_once_in_its_own_order():
+def keys_of(order, steps):
+    return [key for step in range(steps) for key in order(step)]
+
+
+def test_every_epoch_holds_every_sample_once_in_its_own_order_and_processes_share_a_batch():
     order = ShuffledOrder(num_samples=10, batch_size=4, seed=1)
-    keys = [key for step in range(5) for key in order(step)]  # two epochs
+    keys = keys_of(order, 5)  # two epochs
     assert Counter(keys) == Counter((index, epoch) for epoch in range(2) for index in range(10))
     assert [index for index, epoch in keys if epoch == 0] != [index for index, epoch in keys if epoch == 1]
-    assert keys != [key for step in range(5) for key in ShuffledOrder(10, 4, seed=2)(step)]
-
-
-def test_processes_share_a_batch():
-    whole = ShuffledOrder(10, 8, seed=1)
-    for step in range(4):
-        shares = [ShuffledOrder(10, 8, 1, rank, 4)(step) for rank in range(4)]
-        assert [key for share in shares for key in share] == whole(step)
-
-
-def test_an_even_order_covers_the_set_evenly():
-    order = EvenOrder(num_samples=100, batch_size=4, count=10)
-    assert [key for step in range(3) for key in order(step)] == [(10 * i, 0) for i in range(10)]
+    assert keys != keys_of(ShuffledOrder(10, 4, seed=2), 5)
+    assert order(2) == [key for rank in range(4) for key in ShuffledOrder(10, 4, 1, rank, 4)(2)]
+    even = EvenOrder(num_samples=100, batch_size=4, count=10)
+    assert keys_of(even, 3) == [(10 * i, 0) for i in range(10)]
 
 
 def test_a_batch_depends_only_on_seed_and_step():

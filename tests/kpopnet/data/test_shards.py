@@ -30,14 +30,6 @@ def read_everything(path: Path) -> None:
     shards.column("joints_m")
 
 
-def replace(path: Path, name: str, values: np.ndarray | None, **options) -> None:
-    with h5py.File(path, "a") as file:
-        stored = file[name][()]
-        del file[name]
-        if values is not None:
-            file.create_dataset(name, data=stored if values is ... else values, **options)
-
-
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
@@ -65,27 +57,31 @@ def test_a_damaged_chunk_is_refused(shard):
         shards[1]
 
 
-def test_shards_of_one_set_have_one_camera_and_kind(tmp_path):
+@pytest.mark.parametrize(
+    ("shard", "settings", "message"),
+    [
+        (1, {"camera": CAMERA, "kind": "frozen"}, r"shard_00001\.h5: frozen.*expected clean"),
+        (
+            1,
+            {"camera": Camera.centred(50.0, 64, 50)},
+            r"shard_00001\.h5: clean, Camera.*height=50.*expected clean.*as in shard",
+        ),
+        (2, {"camera": CAMERA}, r"shard_00002\.h5: starts with sample 8, but those before end at 4"),
+    ],
+)
+def test_shards_of_a_set_have_one_camera_and_kind_and_none_is_missing(tmp_path, shard, settings, message):
     write_shard(tmp_path, 0, camera=CAMERA)
-    write_shard(tmp_path, 1, camera=CAMERA, kind="frozen")
-    with pytest.raises(InputError, match=r"shard_00001\.h5: frozen.*expected clean"):
-        ShardedSet(tmp_path)
-    write_shard(tmp_path, 1, camera=Camera.centred(50.0, 64, 50))
-    with pytest.raises(InputError, match=r"shard_00001\.h5: clean, Camera.*height=50.*expected clean.*as in shard_00000"):
-        ShardedSet(tmp_path)
-
-
-def test_a_missing_shard_is_noticed(tmp_path):
-    for number in (0, 2):
-        write_shard(tmp_path, number, camera=CAMERA)
-    with pytest.raises(InputError, match=r"shard_00002\.h5: starts with sample 8, but those before end at 4"):
+    write_shard(tmp_path, shard, **settings)
+    with pytest.raises(InputError, match=message):
         ShardedSet(tmp_path)
 
 
 def test_a_shard_that_changes_after_it_was_checked_is_checked_again(tmp_path):
     path = write_shard(tmp_path, camera=CAMERA)
     shards = ShardedSet(tmp_path)
-    replace(path, "room_mm", np.ones((1, 20, 30), np.uint16))
+    with h5py.File(path, "a") as file:
+        del file["room_mm"]
+        file["room_mm"] = np.ones((1, 20, 30), np.uint16)
     observer = Observer(shards, SENSORS["kinect_v1"], PERFECT, 0)
     with pytest.raises(InputError, match="room_mm: shape"):
         observer.observe(0, 0)

@@ -81,26 +81,19 @@ def die_after(monkeypatch, change):
     return done
 
 
-SAVES_BEFORE = {
-    "first": [],
-    "best": [(1, True), (2, False)],
-    "again last": [(1, True), (3, False)],
-}
-
-
-@pytest.mark.parametrize(("before", "best"), [("first", True), ("best", False), ("again last", True)])
-def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path, monkeypatch, before, best):
+@pytest.mark.parametrize("before", [[], [(1, True), (3, False)]], ids=["first", "again"])
+def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path, monkeypatch, before):
     monkeypatch.setattr(checkpoint_module, "git_revision", dict)  # asking git takes longest
     killed = 0
     for change in range(100):
         run = tmp_path / str(change)
-        for step, was_best in SAVES_BEFORE[before]:
+        for step, was_best in before:
             save(run, step, was_best)
         steps = {link: read_meta(run / link)["step"] for link in ("last", "best") if (run / link).exists()}
         with monkeypatch.context() as patch:
             done = die_after(patch, change)
             try:
-                save(run, 3, best)
+                save(run, 3, True)
             except Killed:
                 killed += 1
             else:
@@ -108,10 +101,8 @@ def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path
         assert all(whole(run / link) in (step, 3) for link, step in steps.items()), (change, done)
         assert all(map(whole, (run / "checkpoints").glob("step_*"))), (change, done)  # what is left of a removed one is hidden
         assert resumable(run) is not None or not steps
-        if resumable(run):
-            assert whole(run / "best") and whole(run / "last")
-        else:
-            assert not list((run / "checkpoints").glob("step_*"))
+        assert resumable(run) or not list((run / "checkpoints").glob("step_*"))
+        assert not resumable(run) or (whole(run / "best") and whole(run / "last"))
         save(run, 3, True)
         assert whole(run / "last") == whole(run / "best") == 3
         assert len(list((run / "checkpoints").iterdir())) == 1
@@ -119,21 +110,17 @@ def test_wherever_a_run_is_killed_both_links_point_to_whole_checkpoints(tmp_path
     assert 4 <= killed < 100
 
 
-@pytest.mark.parametrize(
-    ("name", "kept"), [("model.safetensors", None), ("model.safetensors", 100), ("meta.json", 100), ("state.pt", 100)]
-)
-def test_a_damaged_checkpoint_is_refused_in_one_line(tmp_path, name, kept):
-    folder = save(tmp_path)
-    file = folder / name
+@pytest.mark.parametrize("name", ["model.safetensors", "meta.json", "state.pt"])
+def test_a_damaged_checkpoint_is_refused_in_one_line(tmp_path, name):
+    file = save(tmp_path) / name
     content = file.read_bytes()
-    file.unlink()
-    if kept is not None:
-        file.write_bytes(content[:kept])
-    if name == "state.pt":
-        load_network(folder)  # prediction does not need it
-    with pytest.raises(InputError, match="cannot be resumed" if name == "state.pt" else str(tmp_path)) as refusal:
-        (load_state if name == "state.pt" else load_network)(folder)
-    assert "\n" not in str(refusal.value)
+    for damage in (lambda: file.write_bytes(content[:100]), file.unlink):
+        damage()
+        if name == "state.pt":
+            load_network(file.parent)  # prediction does not need it
+        with pytest.raises(InputError, match="cannot be resumed" if name == "state.pt" else str(tmp_path)) as refusal:
+            (load_state if name == "state.pt" else load_network)(file.parent)
+        assert "\n" not in str(refusal.value)
 
 
 class RunsCode:
@@ -185,19 +172,15 @@ def test_the_estimator_is_the_network_on_plain_crops(tmp_path):
     np.testing.assert_allclose(estimator.estimate(in_mm, CAMERA).joints_camera_m, estimate.joints_camera_m, atol=0.05)
 
 
-def test_a_single_frame_is_estimated_as_in_a_sequence_and_the_number_of_threads_is_restored(tmp_path):
+def test_a_single_frame_is_estimated_on_one_thread_as_in_a_sequence(tmp_path):
     estimator = NetworkEstimator(save(tmp_path))
-    depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(3)])
-    together = estimator.estimate(depth, CAMERA)
+    depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(2)])
     used, before = [], torch.get_num_threads()
     estimator.backend.network.register_forward_pre_hook(lambda *_: used.append(torch.get_num_threads()))
     torch.set_num_threads(2)
     try:
-        single = [estimator.estimate(depth[i : i + 1], CAMERA) for i in range(3)]
-        estimator.estimate(depth, CAMERA)
-        assert torch.get_num_threads() == 2
+        single, together = (estimator.estimate(one, CAMERA) for one in (depth[1:], depth))
     finally:
         torch.set_num_threads(before)
-    assert used == [1, 1, 1, 2]
-    for i in range(3):
-        np.testing.assert_allclose(single[i].joints_camera_m[0], together.joints_camera_m[i], atol=1e-5)
+    assert used == [1, 2]
+    np.testing.assert_allclose(single.joints_camera_m[0], together.joints_camera_m[1], atol=1e-5)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from kpopnet.dance.joint_files.mediapipe import CAMERA, seen_joints
 from kpopnet.errors import InputError
-from kpopnet.networks.lifting import HIPS, READ, Lifting, Sighting, frame_along, sighting
+from kpopnet.networks.lifting import HIPS, READ, Lifting, frame_along, sighting
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.teacher.live.webcam import read_seen
 from kpopnet.weights import shipped
@@ -77,14 +77,6 @@ def test_a_person_in_the_mirror_has_nearly_the_joints_in_the_mirror_also_in_a_da
         in_mirror_m = network(mirrored)[0][MIRROR] * (-1, 1, 1)
         apart_m.append([np.linalg.norm(one - network(picture)[0], axis=1) for one in (network(dark)[0], in_mirror_m)])
     assert np.mean(apart_m) < 0.04 and np.max(apart_m) < 0.3
-
-
-def test_many_pictures_at_once_are_each_as_alone():
-    network, one = Lifting.load(shipped("lifting")[0]), [seen(joints_m) for joints_m in dance_joints_m(0)[:5]]
-    together = network(Sighting(*map(np.array, zip(*one, strict=True))))
-    for number, picture in enumerate(one):
-        for both, alone in zip(together, network(picture), strict=True):
-            np.testing.assert_allclose(both[number], alone, atol=1e-5)
 
 
 def test_another_network_is_refused(tmp_path):

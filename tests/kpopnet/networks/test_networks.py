@@ -56,23 +56,6 @@ def test_the_loss_is_the_mean_over_samples(kind):
         torch.testing.assert_close(value, (parts[0][name] + parts[1][name]) / 2)
 
 
-def test_a_holistic_network_learns_two_crops():
-    """A dense one learns in `test_loop`."""
-    network = build_network(ModelConfig("holistic", **SMALL), seed=1)
-    crop = crops(2)
-    generator = torch.Generator().manual_seed(1)
-    target = torch.rand(2, 15, 3, generator=generator) * 1.2 - 0.6
-    optimiser = torch.optim.Adam(network.parameters(), 5e-3)
-    errors = []
-    for _ in range(40):
-        prediction = network(crop)
-        errors.append((prediction.joints - target).norm(dim=-1).mean().item())
-        optimiser.zero_grad()
-        sum(network.head.loss(prediction, target).values()).backward()
-        optimiser.step()
-    assert errors[-1] < errors[0] / 2
-
-
 def test_the_dense_head_localises_a_peak():
     """All heat in one cell gives the cell's centre, and the depth map's value at the attention's peak."""
     head = build_network(ModelConfig(crop_px=32)).head

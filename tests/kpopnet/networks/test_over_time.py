@@ -1,5 +1,7 @@
 """The network over time: the past alone where it must be, any rate and any gap."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -9,47 +11,35 @@ from kpopnet.skeleton import MIRROR
 POSE_M = np.random.default_rng(1).uniform(-0.5, 0.5, (15, 3)) + np.array([0, 0, 3])
 
 
-def film(seed, frames=96, noise_m=0.03):
+TIMES_S = np.arange(96) / 30
+
+
+def film(seed):
     """A still pose that moves as a whole, measured with noise."""
-    rng, times_s = np.random.default_rng(seed), np.arange(frames) / 30
-    true_m = POSE_M + 0.1 * np.sin(2 * times_s)[:, None, None]
-    measured = (true_m + noise_m * rng.standard_normal(true_m.shape) for _ in range(2))
-    chances = (rng.uniform(0.6, 1.0, (frames, 15)) for _ in range(2))
-    return dict(zip(Measured._fields, (*measured, *chances), strict=True)) | {"true_m": true_m, "times_s": times_s}
-
-
-def measured_in(one):
-    return Measured(*(one[name] for name in Measured._fields))
+    rng, true_m = np.random.default_rng(seed), POSE_M + 0.1 * np.sin(2 * TIMES_S)[:, None, None]
+    measured = (true_m + 0.03 * rng.standard_normal(true_m.shape) for _ in range(2))
+    return Measured(*measured, *(rng.uniform(0.6, 1.0, (96, 15)) for _ in range(2)))
 
 
 def frame(measured, number):
     return Measured(*(array[number] for array in measured))
 
 
-def drawn(future=False, seed=0):
+def drawn(future=False):
     """A network with random weights."""
-    rng, ways = np.random.default_rng(seed), 2 if future else 1
-    sizes = [ways * FEATURES, 12, 12, ways * BASES + 1]
-    layers = zip(sizes[1:], sizes[:-1], strict=True)
-    return OverTime(
-        {
-            name: array
-            for number, (rows, columns) in enumerate(layers)
-            for name, array in (
-                (f"{2 * number}.weight", 0.2 * rng.standard_normal((rows, columns))),
-                (f"{2 * number}.bias", 0.1 * rng.standard_normal(rows)),
-            )
-        }
-    )
+    rng, ways, arrays = np.random.default_rng(0), 2 if future else 1, {}
+    for number, (columns, rows) in enumerate(pairwise([ways * FEATURES, 12, 12, ways * BASES + 1])):
+        arrays[f"{2 * number}.weight"] = 0.2 * rng.standard_normal((rows, columns))
+        arrays[f"{2 * number}.bias"] = 0.1 * rng.standard_normal(rows)
+    return OverTime(arrays)
 
 
 def test_the_causal_form_does_not_see_the_future_and_the_other_does():
-    one, changed = measured_in(film(0)), measured_in(film(0))
+    one, changed = film(0), film(0)
     changed.detected_m[60:] += 0.2
-    times_s = np.arange(96) / 30
     for future in (False, True):
         network = drawn(future)
-        first, second = (network(*read(measured, times_s, future))[0] for measured in (one, changed))
+        first, second = (network(*read(measured, TIMES_S, future))[0] for measured in (one, changed))
         assert np.array_equal(first[:60], second[:60]) is not future
         assert not np.allclose(first[60:], second[60:])
 
@@ -59,7 +49,7 @@ def test_live_equals_a_recording_with_drop_outs_at_any_rate(fps):
     times_s = np.arange(96) / fps
     kept = np.ones(96, bool)
     kept[[10, 11, 40]] = kept[60:95] = False
-    measured, times_s = Measured(*(array[kept] for array in measured_in(film(0)))), times_s[kept]
+    measured, times_s = Measured(*(array[kept] for array in film(0))), times_s[kept]
     joints_m, confidence = drawn()(*read(measured, times_s, future=False))
     live, other = Live(drawn()), Live(drawn())
     for number, time_s in enumerate(times_s):
@@ -86,17 +76,17 @@ def test_averages_take_the_same_time_at_every_rate():
 
 
 def test_turned_and_mirrored_people_get_turned_and_mirrored_joints():
-    measured, times_s, network = measured_in(film(3)), np.arange(96) / 30, drawn()
+    measured, network = film(3), drawn()
     turn = np.array([[0.8, 0, -0.6], [0, 1, 0], [0.6, 0, 0.8]]) * [[-1], [1], [1]]
     turned = Measured(*(one[:, MIRROR] @ turn for one in measured[:2]), *(one[:, MIRROR] for one in measured[2:]))
-    plain_m, _ = network(*read(measured, times_s, future=False))
-    found_m, _ = network(*read(turned, times_s, future=False))
+    plain_m, _ = network(*read(measured, TIMES_S, future=False))
+    found_m, _ = network(*read(turned, TIMES_S, future=False))
     np.testing.assert_allclose(found_m, plain_m[:, MIRROR] @ turn, atol=1e-4)
     assert (KINDS.sum(axis=1) == 1).all()
 
 
 def test_after_a_long_absence_the_lengths_are_those_of_another_person():
-    one, network = measured_in(film(3)), drawn()
+    one, network = film(3), drawn()
     child = Measured(0.65 * one.detected_m, 0.65 * one.fitted_m, *one[2:])
     for away_s, is_forgotten in ((ANOTHER_AFTER_S + 1, True), (ANOTHER_AFTER_S - 1, False), (-60.0, True)):
         alone, after = Live(network), Live(network)

@@ -10,17 +10,7 @@ from kpopnet.data.canvas import STRIDE
 from kpopnet.data.room_images import RoomImages
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
-from kpopnet.training.finder import (
-    META,
-    STATE,
-    WEIGHTS,
-    FinderRun,
-    FinderTraining,
-    LoadedImages,
-    SceneViews,
-    train_finder,
-    validate,
-)
+from kpopnet.training.finder import WEIGHTS, FinderRun, FinderTraining, LoadedImages, SceneViews, train_finder, validate
 
 
 @pytest.fixture(scope="module")
@@ -33,26 +23,25 @@ def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
     def settings(steps, resume=False):
         return FinderTraining(steps=steps, batch_size=2, validate_every=2, resume=resume)
 
-    train_finder(settings(4), 0, data, tmp_path / "whole", threads=1, device="cpu")
-    whole = (tmp_path / "whole" / WEIGHTS).read_bytes()
-    run = tmp_path / "halves"
+    def trained(run, settings, **others):
+        train_finder(settings, 0, data | others, tmp_path / run, threads=1, device="cpu")
+        return (tmp_path / run / WEIGHTS).read_bytes()
+
     # The learning rate spans all steps, so half a run is one of as many steps that was stopped.
-    stopped = settings(4)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(FinderRun, "save", _save_and_stop)
         with pytest.raises(KeyboardInterrupt):
-            train_finder(stopped, 0, data, run, threads=1, device="cpu")
-    with pytest.raises(InputError, match="holds a run"):
-        train_finder(stopped, 0, data, run, threads=1, device="cpu")
-    with pytest.raises(InputError, match=r"was begun with config=.*give it the same again"):
-        train_finder(settings(8, resume=True), 0, data, run, threads=1, device="cpu")
-    others = str(write_room_images(tmp_path / "others"))
-    with pytest.raises(InputError, match=r"was begun with images=.*give it the same again"):
-        train_finder(settings(4, resume=True), 0, data | {"train": others}, run, threads=1, device="cpu")
-    with pytest.raises(InputError, match=r"same people and scenes as are trained on.*benchmark.split=validation"):
-        train_finder(settings(4), 0, data | {"validation": data["train"]}, tmp_path / "same", threads=1, device="cpu")
-    train_finder(settings(4, resume=True), 0, data, run, threads=1, device="cpu")
-    assert (run / WEIGHTS).read_bytes() == whole and (run / META).exists() and (run / STATE).exists()
+            trained("halves", settings(4))
+    images = str(write_room_images(tmp_path / "others"))
+    for refused, others, message in (
+        (settings(4), {}, "holds a run"),
+        (settings(8, resume=True), {}, "was begun with config=.*give it the same again"),
+        (settings(4, resume=True), {"train": images}, "was begun with images=.*give it the same again"),
+        (settings(4, resume=True), {"validation": data["train"]}, "same people and scenes as are .*benchmark.split=validation"),
+    ):
+        with pytest.raises(InputError, match=message):
+            trained("halves", refused, **others)
+    assert trained("halves", settings(4, resume=True)) == trained("whole", settings(4))
 
 
 def _save_and_stop(run, described, save=FinderRun.save):

@@ -25,6 +25,7 @@ from kpopnet.training.validation import validate
 
 MODEL = ModelConfig(crop_px=32, widths=[8, 8, 16, 16])
 SHORT = TrainingConfig(steps=6, batch_size=8, validate_every=2, validation_samples=8)
+ALONE = Processes(torch.device("cpu"))
 PEOPLE, OTHERS = CapsulePeople(20, seed=1), CapsulePeople(8, seed=2)
 
 
@@ -71,20 +72,16 @@ def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind, config):
     assert [event.step for event in scalars.Scalars("validation/mean_error_cm")] == [2, 4, 6]
 
 
-def test_small_crops_come_first_and_the_models_size_follows(tmp_path):
-    batches = CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 4, 0), 0, None, small_crops=(2, 64))
-    assert [batches[step].crop.shape[-1] for step in range(4)] == [64, 64, 32, 32]
-    np.testing.assert_array_equal(batches[1].target, CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 4, 0), 0, None)[1].target)
+def test_small_crops_come_first_and_the_models_size_follows():
+    """In the end always: a saved network says that it takes crops of the model's size."""
+    plain, small = (CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 4, 0), 0, None, small_crops=one) for one in ((0, 0), (2, 64)))
+    assert [small[step].crop.shape[-1] for step in range(4)] == [64, 64, 32, 32]
+    np.testing.assert_array_equal(small[1].target, plain[1].target)
     with pytest.raises(InputError, match=r"training\.small_crops: a holistic network takes crops of one size"):
-        run_short(tmp_path, SMALL_FIRST, replace(MODEL, kind="holistic"))
-
-
-def test_small_crops_leave_steps_of_the_models_size():
-    """A saved network says that it takes crops of the model's size."""
+        short_run(SMALL_FIRST, replace(MODEL, kind="holistic"))
     with pytest.raises(InputError, match=r"small_crops\.share=1\.0: all 6 steps would take smaller crops"):
         replace(SHORT, small_crops=SmallCropsConfig(1.0, 48))
     assert replace(SHORT, small_crops=SmallCropsConfig(0.95, 48)).small_steps == 5
-    assert replace(SHORT, steps=1, small_crops=SmallCropsConfig(0.75, 48)).small_steps == 0
 
 
 def test_the_best_checkpoint_is_one_of_the_models_crops_however_small_the_errors_in_smaller_ones(tmp_path, monkeypatch):
@@ -163,15 +160,15 @@ def first_batch(**augment):
 
 @pytest.mark.parametrize("share", [0.5, 2.0])
 def test_a_gradient_above_the_limit_is_scaled_down_to_it_and_others_are_not(share):
-    norm = float(Run(SHORT, MODEL, 0, Processes(torch.device("cpu"))).update(first_batch())["gradient_norm"])
-    run = Run(replace(SHORT, clip_norm=share * norm), MODEL, 0, Processes(torch.device("cpu")))
+    norm = float(Run(SHORT, MODEL, 0, ALONE).update(first_batch())["gradient_norm"])
+    run = Run(replace(SHORT, clip_norm=share * norm), MODEL, 0, ALONE)
     assert float(run.update(first_batch())["gradient_norm"]) == pytest.approx(norm)
     used = torch.stack([weight.grad.norm() for weight in run.network.parameters()]).norm()
     assert float(used) == pytest.approx(min(share, 1) * norm, rel=1e-3)
 
 
 def test_a_loss_that_is_not_finite_stops_before_the_update():
-    run = Run(SHORT, MODEL, 0, Processes(torch.device("cpu")))
+    run = Run(SHORT, MODEL, 0, ALONE)
     batch = first_batch()
     run.update(batch)
 
@@ -195,7 +192,7 @@ def test_a_damaged_state_is_refused_before_a_step_is_taken(tmp_path):
     for damaged, message in ((state | {"step": "6"}, "step is '6', expected int"), (state | {"weights": {}}, "does not fit")):
         torch.save(damaged, path)
         with pytest.raises(InputError, match=message) as refusal:
-            Run(replace(SHORT, resume=str(path.parent)), MODEL, 0, Processes(torch.device("cpu")))
+            Run(replace(SHORT, resume=str(path.parent)), MODEL, 0, ALONE)
         assert "\n" not in str(refusal.value)
 
 
@@ -229,7 +226,13 @@ def test_a_run_that_goes_on_in_another_folder_has_its_own_best_and_a_copy_of_its
             run_short(tmp_path / out, replace(resumed, resume=str(tmp_path / "copied" / resume)))
 
 
-def test_more_processes_than_gpus_are_refused(monkeypatch):
+def test_devices_and_batches_that_do_not_fit_are_refused(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="device=tpu"), join_processes("tpu"):
+        pass
+    with monkeypatch.context() as patch:
+        patch.setattr(loop, "join_processes", lambda _: nullcontext(Processes(torch.device("cpu"), 0, 3)))
+        with pytest.raises(InputError, match=r"training\.batch_size=8 cannot be divided evenly among 3 processes"):
+            run_short(tmp_path)
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 1)
     for name, value in (("WORLD_SIZE", "2"), ("LOCAL_RANK", "1")):
@@ -238,36 +241,18 @@ def test_more_processes_than_gpus_are_refused(monkeypatch):
         pass
 
 
-def test_an_unknown_device_is_refused():
-    with pytest.raises(InputError, match="device=tpu"), join_processes("tpu"):
-        pass
-
-
-def test_a_batch_that_cannot_be_divided_evenly_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(loop, "join_processes", lambda _: nullcontext(Processes(torch.device("cpu"), 0, 3)))
-    with pytest.raises(InputError, match=r"training\.batch_size=8 cannot be divided evenly among 3 processes"):
-        run_short(tmp_path)
-
-
-def test_a_dense_network_goes_on_with_crops_of_another_size_and_a_holistic_one_refuses(tmp_path):
-    def begun(kind):
-        run_short(tmp_path / kind, replace(SHORT, steps=1), replace(MODEL, kind=kind))
-        config = replace(SHORT, start=str(tmp_path / kind / "best"))
-        return Run(config, replace(MODEL, kind=kind, crop_px=48), 0, Processes(torch.device("cpu")))
-
-    run = begun("dense")
-    saved = load_file(tmp_path / "dense" / "best" / "model.safetensors")
-    for name, weight in run.network.state_dict().items():
-        assert torch.equal(weight, saved[name])
-    with pytest.raises(InputError, match=r"another model; give it: model\.crop_px=32"):
-        begun("holistic")
-
-
 @pytest.mark.parametrize("kind", ["dense", "holistic"])
 def test_a_wider_network_begins_as_the_narrower_one_and_learns_with_all_its_channels(tmp_path, kind):
-    run_short(tmp_path, replace(SHORT, steps=1), replace(MODEL, kind=kind))
+    run_short(tmp_path, replace(SHORT, steps=1), replace(MODEL, kind=kind), seed=5)
     start = replace(SHORT, start=str(tmp_path / "best"))
-    wide = Run(start, replace(MODEL, kind=kind, widths=[8, 16, 16, 32]), 0, Processes(torch.device("cpu")))
+    larger = replace(MODEL, kind=kind, crop_px=48)
+    if kind == "dense":
+        same = Run(start, larger, 0, ALONE).network.state_dict()
+        assert all(torch.equal(same[name], weight) for name, weight in load_file(start.start + "/model.safetensors").items())
+    else:
+        with pytest.raises(InputError, match=r"another model; give it: model\.crop_px=32"):
+            Run(start, larger, 0, ALONE)
+    wide = Run(start, replace(MODEL, kind=kind, widths=[8, 16, 16, 32]), 0, ALONE)
     narrow, _ = load_network(tmp_path / "best")
     batch = first_batch()
     with torch.inference_mode():
@@ -279,4 +264,4 @@ def test_a_wider_network_begins_as_the_narrower_one_and_learns_with_all_its_chan
     unheard = wide.network.encoder.coarse[1].first[0].weight[:16, 16:]
     assert (unheard != 0).float().mean() > 0.5
     with pytest.raises(InputError, match=r"another model; give it: model\.widths=\[8,8,16,16\]"):
-        Run(start, replace(MODEL, kind=kind, widths=[8, 8, 8, 32]), 0, Processes(torch.device("cpu")))
+        Run(start, replace(MODEL, kind=kind, widths=[8, 8, 8, 32]), 0, ALONE)
