@@ -1,5 +1,6 @@
 """What the sets that are made for trainings have in common: files of a pattern, and a manifest that says what made them."""
 
+from bisect import bisect_right
 from pathlib import Path
 
 from kpopnet.errors import InputError
@@ -20,6 +21,12 @@ def made_files(folder: Path | str, pattern: str, benchmark: str) -> tuple[list[P
     manifest = read_json(folder / MANIFEST)
     expect(isinstance(manifest, dict) and "hash" in manifest, f"{folder}/{MANIFEST}", "a hash")
     return paths, str(manifest["hash"])
+
+
+def located(ends: list[int], index: int) -> tuple[int, int]:
+    """The file of a sample, and its row there, by how many samples there are up to the end of each file."""
+    file = bisect_right(ends, index)
+    return file, index - (ends[file - 1] if file else 0)
 
 
 def claim_folder(folder: Path, pattern: str, settings: dict[str, str | int | float | None]) -> None:

@@ -11,14 +11,13 @@
 Errors of the finder are in them: lost hands, parts of other people and of things.
 """
 
-from bisect import bisect_right
 from pathlib import Path
 
 import h5py
 import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera
-from kpopnet.data.made_sets import made_files
+from kpopnet.data.made_sets import located, made_files
 from kpopnet.data.observation import Observation
 from kpopnet.runtime.hdf5_files import Hdf5Schema, opened_hdf5, read_array, readable, stored_array
 from kpopnet.runtime.input_files import ArraySchema, expect
@@ -75,10 +74,10 @@ class PersonCrops:
     def observe(self, index: int, epoch: int) -> Observation:
         """See `kpopnet.data.observation.ObservationSource`."""
         del epoch
-        number = bisect_right(self._ends, index)
+        number, row = located(self._ends, index)
         if number not in self._open:
             self._open[number] = _File(self.paths[number])
-        file, row = self._open[number], index - (self._ends[number - 1] if number else 0)
+        file = self._open[number]
         camera = Camera.from_numbers(file.cameras[row].tolist(), str(file.path))
         with readable(file.path, SCHEMA):
             pixels_mm = file.pixels_mm[file.starts[row] : file.starts[row + 1]]

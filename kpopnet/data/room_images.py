@@ -10,7 +10,6 @@ corner of a CANVAS:
     whole_px     (N, 6) float32 pixels that the whole person would have if nothing hid or cut them; 0: no such person
 """
 
-from bisect import bisect_right
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +17,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.data.canvas import CANVAS
-from kpopnet.data.made_sets import made_files
+from kpopnet.data.made_sets import located, made_files
 from kpopnet.runtime.hdf5_files import Hdf5Schema, open_hdf5, read_array
 from kpopnet.runtime.input_files import ArraySchema
 from kpopnet.skeleton import NUM_JOINTS
@@ -70,9 +69,8 @@ class RoomImages:
 
     def __getitem__(self, index: int) -> RoomImage:
         """Image `index`."""
-        number = bisect_right(self._ends, index)
+        number, row = located(self._ends, index)
         arrays = self.file(number)
-        row = index - (self._ends[number - 1] if number else 0)
         camera = Camera.from_numbers(arrays["cameras"][row].tolist(), str(self.paths[number]))
         return RoomImage(
             *(arrays[name][row] for name in ("depth_mm", "labels")), camera, arrays["joints_m"][row], arrays["whole_px"][row]

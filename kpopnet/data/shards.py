@@ -23,14 +23,15 @@ read, with new noise in every epoch. A "frozen" set holds them: its depth_mm inc
 extraction, and it also holds ridge (N, H, W) uint8, the ridge probability times 255.
 """
 
-from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import h5py
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.data.made_sets import located
 from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, opened_hdf5, read_array, readable, stored_array
 from kpopnet.runtime.input_files import ArraySchema, expect, parse_json
@@ -89,22 +90,17 @@ class Sample:
     ridge: np.ndarray | None
 
 
-@dataclass(frozen=True)
-class ShardHeader:
-    """The attributes of a shard, described in the module docstring."""
+class ShardHeader(NamedTuple):
+    """Attributes of a shard, described in the module docstring."""
 
     kind: str
     config: dict
     config_hash: str
     seed: int
     split: str
-    shard: int
     start: int
     stop: int
     camera: Camera
-
-    def __len__(self) -> int:
-        return self.stop - self.start
 
 
 def open_shard(path: Path) -> h5py.File:
@@ -128,8 +124,8 @@ def read_header(path: Path) -> ShardHeader:
             f"the shape {declared} by its attributes, found {stored}",
         )
         expect(found["kind"] == "clean" or "ridge" in file, str(path), "an array ridge in a frozen shard")
-    names = ("kind", "config_hash", "seed", "split", "shard", "start", "stop")
-    return ShardHeader(config=config, camera=camera, **{name: found[name] for name in names})
+    found |= {"config": config, "camera": camera}
+    return ShardHeader(*(found[name] for name in ShardHeader._fields))
 
 
 class _OpenShard:
@@ -161,20 +157,16 @@ class ShardedSet:
                 f"generate some, for instance with: python -m synth preset=small out={self.folder.parent}"
             )
         headers = [read_header(path) for path in self.paths]
-        self.header = headers[0]
-        end = 0
-        for path, header in zip(self.paths, headers, strict=True):
+        self.header, self._ends = headers[0], [header.stop for header in headers]
+        for path, header, end in zip(self.paths, headers, [0, *self._ends[:-1]], strict=True):
             if header.start != end:
                 raise InputError(
                     f"{path}: starts with sample {header.start}, but those before end at {end}: shards are missing, or "
                     "remain from a set of another size; run the command that generates the set again"
                 )
-            end = header.stop
             found, expected = (f"{one.kind}, {one.camera}, {one.split} {one.config_hash}" for one in (header, self.header))
             expect(found == expected, f"{path}: {found}", f"{expected} as in {self.paths[0].name}")
-        self.camera = self.header.camera
-        self.kind = self.header.kind
-        self._ends = np.cumsum([len(header) for header in headers]).tolist()
+        self.camera, self.kind = self.header.camera, self.header.kind
         self._open: dict[int, _OpenShard] = {}
         self._rooms: dict[tuple[Path, int], tuple[np.ndarray, np.ndarray]] = {}
 
@@ -187,10 +179,10 @@ class ShardedSet:
     def _locate(self, index: int) -> tuple["_OpenShard", int]:
         if not 0 <= index < len(self):
             raise IndexError(f"sample {index} of {len(self)}")
-        shard = bisect_right(self._ends, index)
+        shard, row = located(self._ends, index)
         if shard not in self._open:
             self._open[shard] = _OpenShard(self.paths[shard])
-        return self._open[shard], index - (self._ends[shard - 1] if shard else 0)
+        return self._open[shard], row
 
     def __getitem__(self, index: int) -> Sample:
         shard, row = self._locate(index)
