@@ -24,9 +24,8 @@ READ = 4 * NUM_JOINTS + 1
 class Sighting(NamedTuple):
     """What one picture says of a person's joints, in the ray's frame; or pictures, along leading axes."""
 
-    points_m: (
-        np.ndarray
-    )  # (..., 15, 3) about the middle of the hips: x and y of the picture, at the person's distance; z guessed
+    # (..., 15, 3) about the middle of the hips: x and y of the picture, at the person's distance; z guessed
+    points_m: np.ndarray
     visibility: np.ndarray  # (..., 15) in 0..1
     elevation_rad: np.ndarray  # (...) of the ray, above the camera's axis
 

@@ -100,8 +100,7 @@ class PoseEstimator:
         Raises:
             InputError: depth of another type or size; floats that look like millimetres; a time that is no finite number.
         """
-        if time_s is not None:
-            _check_time(time_s)
+        check_between("time_s", time_s or 0, -LATEST_S, LATEST_S)
         found = self._found(depth, camera, self.people, time_s)
         return [PersonPose(identity, pose.joints_camera_m, pose.confidence) for identity, pose in found.items()]
 
@@ -136,7 +135,7 @@ class PoseEstimator:
         try:
             for one in depth:
                 time_s, image = one if isinstance(one, TimedDepth) else (len(frames) / fps, one)
-                _check_time(time_s)
+                check_between("time_s", time_s, -LATEST_S, LATEST_S)
                 times_s.append(time_s)
                 frames.append(
                     self._segmented(image, camera, time_s) if segmented else self._found(image, camera, MAX_PEOPLE, time_s)
@@ -145,7 +144,11 @@ class PoseEstimator:
             self.reset()  # also where an image is refused: the next one is of another recording
         seen = Counter(identity for people in frames for identity in people)
         if not seen:
-            log.warning("no person was found in %d image(s): %s", len(frames), WHY_NOBODY)
+            log.warning(
+                "no person was found in %d image(s): does it show at least half of a person, within about 7 m, and are the "
+                "camera's intrinsics right? For depth that shows nothing but one person: segmented=True",
+                len(frames),
+            )
         chosen = sorted(seen, key=lambda identity: (-seen[identity], identity))[: self.people]
         return [
             PersonPose(identity, *joined([people.get(identity) for people in frames], np.array(times_s), self.mode == "best"))
@@ -187,19 +190,9 @@ class PoseEstimator:
         return self._people[identity]
 
 
-def _check_time(time_s: float) -> None:
-    check_between("time_s", time_s, -LATEST_S, LATEST_S)
-
-
 def _needed_image(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
     check_camera(camera)
     depth_m = depth_in_metres(depth, camera)
     if depth_m.ndim != 2:
         raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}")
     return subsampled(depth_m, camera)
-
-
-WHY_NOBODY = (
-    "does it show at least half of a person, within about 7 m, and are the camera's intrinsics right? For depth that shows "
-    "nothing but one person: segmented=True"
-)
