@@ -99,9 +99,8 @@ def test_a_refused_image_or_time_leaves_nothing_behind():
         for time_s in (np.nan, np.inf, "1"):
             with pytest.raises(InputError, match="time_s"):
                 poses.update(frame, ROOM_CAMERA, time_s)
-        assert [one.identity for one in poses.update(frame, ROOM_CAMERA)] == [
-            one.identity for one in fresh.update(frame, ROOM_CAMERA)
-        ]
+        found, expected = ([one.identity for one in each.update(frame, ROOM_CAMERA)] for each in (poses, fresh))
+        assert found == expected
 
 
 def test_large_images_are_reduced_before_anything_looks_at_them():
@@ -161,23 +160,20 @@ def test_an_empty_room_gives_an_empty_list_and_a_warning(caplog):
     assert "no person was found in 3 image(s)" in caplog.text
 
 
-def test_the_mirror_shows_the_mirrored_person():
-    """A detector that answers a pose of the plain image and its mirror image in the mirror agrees with itself."""
-    network = Blob()
-    DetectedPerson(CAMERA, network, "best").update(person(20), CAMERA, 0.0)
-    (plain, _), (mirrored, camera) = network.asked
-    np.testing.assert_array_equal(plain[0], mirrored[0, :, ::-1])
-    points, reflected = CAMERA.points(plain[0]), camera.points(mirrored[0])[:, ::-1]
-    np.testing.assert_allclose(reflected * [-1, 1, 1], points, atol=1e-6)
-
-
-def test_the_answers_to_an_image_and_its_mirror_image_are_averaged_side_by_side(monkeypatch):
-    pose_m, speck, network = POSE_M + np.float32((0, 0, 2)), np.zeros((60, 80), np.float32), Blob()
+def test_the_answers_to_an_image_and_its_mirror_image_are_averaged_side_by_side():
+    pose_m, speck, asked = POSE_M + np.float32((0, 0, 2)), np.zeros((60, 80), np.float32), []
     speck[30, 40] = 2  # nothing that a body could be fitted to
     answers = iter((pose_m + np.float32(0.1), (pose_m * np.float32((-1, 1, 1)))[MIRROR]))
-    monkeypatch.setattr(network, "estimate", lambda *_: Estimate(next(answers)[None], np.full((1, 15), 0.5, np.float32)))
-    pose = DetectedPerson(CAMERA, network, "best").update(speck, CAMERA, 0.0)
+
+    def estimate(depth_m, camera):
+        asked.append((depth_m[0], camera.points(depth_m[0])))
+        return Estimate(next(answers)[None], np.full((1, 15), 0.5, np.float32))
+
+    pose = DetectedPerson(CAMERA, SimpleNamespace(estimate=estimate), "best").update(speck, CAMERA, 0.0)
     np.testing.assert_allclose(pose.joints_camera_m, pose_m + 0.05, atol=1e-6)
+    (plain, points_m), (mirrored, mirrored_m) = asked
+    np.testing.assert_array_equal(plain, mirrored[:, ::-1])
+    np.testing.assert_allclose(mirrored_m[:, ::-1] * [-1, 1, 1], points_m, atol=1e-6)
 
 
 class Jittery(Blob):
@@ -243,14 +239,9 @@ def test_only_best_sees_the_future_and_both_take_the_times_of_the_images():
 
 
 def test_who_is_found_again_after_long_is_measured_anew():
-    person = DetectedPerson(CAMERA, Blob(), "realtime")
-    depth_m = np.zeros((60, 80), np.float32)
-    depth_m[10:50, 30:50] = 2.5
-    human = Human.cut_out(
-        0, depth_m, (depth_m > 0).astype(np.uint8), 1, np.array([30, 10, 50, 50]), np.array([0, 0, 2.5], np.float32)
-    )
+    detected, human = DetectedPerson(CAMERA, Blob(), "realtime"), Human(0, (0, 0, 80, 60), person(30), np.zeros(3))
     bodies = []
     for time_s in (0.0, 9.0, 19.5, 20.0):
-        person.see(human, time_s)
-        bodies.append(person._body)
+        detected.see(human, time_s)
+        bodies.append(detected._body)
     assert bodies[0] is bodies[1] is not bodies[2] is bodies[3]
