@@ -10,7 +10,7 @@ from factories import write_shard
 from kpopnet.camera import Camera
 from kpopnet.data.shards import ShardedSet
 from kpopnet.errors import InputError
-from synth.samples.observe import PERFECT, Observer
+from synth.samples.observe import ExtractionConfig, Observer
 from synth.sensor.model import SENSORS
 
 CAMERA = Camera.centred(50.0, 64, 48)
@@ -82,6 +82,6 @@ def test_a_shard_that_changes_after_it_was_checked_is_checked_again(tmp_path):
     with h5py.File(path, "a") as file:
         del file["room_mm"]
         file["room_mm"] = np.ones((1, 20, 30), np.uint16)
-    observer = Observer(shards, SENSORS["kinect_v1"], PERFECT, 0)
+    observer = Observer(shards, SENSORS["kinect_v1"], ExtractionConfig(), 0)
     with pytest.raises(InputError, match="room_mm: shape"):
         observer.observe(0, 0)
