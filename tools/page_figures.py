@@ -17,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "helpers"))
 
-from teacher_page import chromium, find, reads, resize, started, until  # noqa: E402
+from teacher_page import Browser, chromium, started  # noqa: E402
 
 LESSON = "dance/dance_001?go&skill=perfect&fault=left+arm&speed={speed}"
 SHOWN_MOVE = 3
@@ -25,26 +25,26 @@ RESULT_PX = (400, 1720)
 SETTLED_S, LIVE_S = 2.0, 6.0
 
 
-def take_teach(driver, address: str, folder: Path, speed: int) -> None:
+def take_teach(browser: Browser, address: str, folder: Path, speed: int) -> None:
     """Holds a lesson and writes teach_stage.png, the dance after a verdict, and teach_result.png."""
-    driver.get(f"{address}#/{LESSON.format(speed=speed)}")
-    reads(driver, "#verdict", f"move {SHOWN_MOVE}")
-    driver.save_screenshot(str(folder / "teach_stage.png"))
-    until(driver, lambda one: "/try/" in one.current_url)
-    find(driver, "#history")
-    resize(driver, RESULT_PX)
-    driver.refresh()  # the replay takes the place that it has when it is made
-    find(driver, "#history")
+    browser.get(f"{address}#/{LESSON.format(speed=speed)}")
+    browser.reads("#verdict", f"move {SHOWN_MOVE}")
+    browser.save_screenshot(str(folder / "teach_stage.png"))
+    browser.until(lambda one: "/try/" in one.current_url)
+    browser.find("#history")
+    browser.resize(RESULT_PX)
+    browser.refresh()  # the replay takes the place that it has when it is made
+    browser.find("#history")
     time.sleep(SETTLED_S)
-    driver.save_screenshot(str(folder / "teach_result.png"))
+    browser.save_screenshot(str(folder / "teach_result.png"))
 
 
-def take_live(driver, address: str, folder: Path) -> None:
+def take_live(browser: Browser, address: str, folder: Path) -> None:
     """Writes live.png, the people of a recording."""
-    driver.get(address)
-    find(driver, "#people li")
+    browser.get(address)
+    browser.find("#people li")
     time.sleep(LIVE_S)
-    driver.save_screenshot(str(folder / "live.png"))
+    browser.save_screenshot(str(folder / "live.png"))
 
 
 def main() -> None:
@@ -61,12 +61,12 @@ def main() -> None:
     alone = ("--no-browser", "--port", "0")
     if given.page == "teach":
         program = ("kpopnet.programs.teach", "--data", given.data, *alone)
-        with started(*program) as (address, _), chromium() as driver:
-            take_teach(driver, address, given.out, given.speed)
+        with started(*program) as (address, _), chromium() as browser:
+            take_teach(browser, address, given.out, given.speed)
     else:
         program = ("kpopnet.cli", "live", given.source, "--loop", *alone)
-        with started(*program) as (address, _), chromium(tuple(given.size)) as driver:
-            take_live(driver, address, given.out)
+        with started(*program) as (address, _), chromium(tuple(given.size)) as browser:
+            take_live(browser, address, given.out)
 
 
 if __name__ == "__main__":

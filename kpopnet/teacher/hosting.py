@@ -143,8 +143,10 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
             await asyncio.Event().wait()
         finally:
             server.close()
-    finally:
+    except asyncio.CancelledError:
         ends()
+        raise
+    finally:
         shutil.rmtree(folder, ignore_errors=True)
         await runner.cleanup()
 

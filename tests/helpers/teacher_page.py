@@ -143,8 +143,55 @@ def started(*words: object, errors: IO | None = None) -> Iterator[tuple[str, int
         program.wait(60)
 
 
+class Browser:
+    """Selenium's driver of Chromium, with what tests do to a page."""
+
+    def __init__(self, driver) -> None:
+        self._driver = driver
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._driver, name)
+
+    def until(self, condition: Callable[["Browser"], Any]) -> Any:
+        """Waits until a condition gives something true; that."""
+        from selenium.webdriver.support.ui import WebDriverWait
+
+        return WebDriverWait(self, PATIENCE_S, 0.1).until(condition)
+
+    def all(self, selector: str) -> list:
+        """The elements of a CSS selector."""
+        return self._driver.find_elements("css selector", selector)
+
+    def find(self, selector: str):
+        """The first of them, as soon as there is one."""
+        return self.until(lambda _: self.all(selector))[0]
+
+    def reads(self, selector: str, text: str) -> None:
+        """Waits until an element holds a text."""
+        self.until(lambda _: text in self.find(selector).text)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Gives the page this width and height in pixels."""
+        metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+        self._driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+    @property
+    def overflow_px(self) -> int:
+        """By how much the page is wider than the window."""
+        return self._driver.execute_script("const page = document.documentElement; return page.scrollWidth - page.clientWidth")
+
+    @property
+    def loaded(self) -> list[str]:
+        """The addresses that the page has loaded."""
+        return self._driver.execute_script("return performance.getEntriesByType('resource').map((one) => one.name)")
+
+    def severe(self) -> list[str]:
+        """The errors in the log since it was asked for last."""
+        return [line["message"] for line in self._driver.get_log("browser") if line["level"] == "SEVERE"]
+
+
 @contextlib.contextmanager
-def chromium(size: tuple[int, int] = WIDE, webcam: Path | None = None):
+def chromium(size: tuple[int, int] = WIDE, webcam: Path | None = None) -> Iterator[Browser]:
     """A headless Chromium with a window of this width and height in pixels; needs selenium, `DRIVER` and `BROWSER`.
 
     A film `webcam` (.mjpeg or .y4m) is played, again and again, as its webcam, which every page may use.
@@ -158,52 +205,19 @@ def chromium(size: tuple[int, int] = WIDE, webcam: Path | None = None):
     for flag in (*FLAGS, *film):
         options.add_argument(f"--{flag}")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+    browser = Browser(webdriver.Chrome(options=options, service=Service(DRIVER)))
     try:
-        resize(driver, size)
-        yield driver
+        browser.resize(size)
+        yield browser
     finally:
         with contextlib.suppress(Exception):
-            driver.quit()
+            browser.quit()
 
 
 def skip_without_browser() -> None:
     """Skips the tests of a module where there is no Chromium, or what drives it."""
     if not (DRIVER and BROWSER and importlib.util.find_spec("selenium")):
         pytest.skip("no Chromium with its chromedriver, or no selenium, on this machine", allow_module_level=True)
-
-
-def until(driver, condition: Callable[..., Any]) -> Any:
-    """Waits for what a condition gives for the driver to be true; that."""
-    from selenium.webdriver.support.ui import WebDriverWait
-
-    return WebDriverWait(driver, PATIENCE_S, 0.1).until(condition)
-
-
-def find(driver, selector: str):
-    """The first element of a CSS selector, as soon as there is one."""
-    return until(driver, lambda one: one.find_elements("css selector", selector))[0]
-
-
-def reads(driver, selector: str, text: str) -> None:
-    """Waits until an element holds a text."""
-    until(driver, lambda one: text in find(one, selector).text)
-
-
-def overflow_px(driver) -> int:
-    """By how much the page is wider than the window."""
-    return driver.execute_script("return document.documentElement.scrollWidth - document.documentElement.clientWidth")
-
-
-def severe(driver) -> list[str]:
-    """The errors in the browser's log since it was asked for last."""
-    return [line["message"] for line in driver.get_log("browser") if line["level"] == "SEVERE"]
-
-
-def resize(driver, size: tuple[int, int]) -> None:
-    """Gives the page this width and height in pixels."""
-    metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
-    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
 
 
 class UnsteadyCamera:

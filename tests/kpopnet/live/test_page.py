@@ -12,7 +12,7 @@ pytest.importorskip("aiohttp", reason="the extra app is not installed")
 from functools import partial
 
 from live_people import open_unsteady_recording, watched, write_recording
-from teacher_page import NARROW, chromium, find, overflow_px, reads, resize, served, severe, skip_without_browser, until
+from teacher_page import NARROW, chromium, served, skip_without_browser
 
 from kpopnet.sources import open_depth
 
@@ -27,7 +27,7 @@ def shows(driver, colours: tuple[tuple[int, int, int], ...]) -> bool:
     pixels = cv2.cvtColor(image, cv2.COLOR_BGR2HSV).astype(int)
     hues = [int(cv2.cvtColor(np.uint8([[colour[::-1]]]), cv2.COLOR_BGR2HSV)[0, 0, 0]) for colour in colours]
     for name in ("depth", "room"):
-        place = driver.find_element("id", name).rect
+        place = driver.find(f"#{name}").rect
         top, left = int(place["y"]), int(place["x"])
         panel = pixels[top : top + int(place["height"]), left : left + int(place["width"])]
         for hue in hues:
@@ -42,35 +42,35 @@ def test_two_people_are_seen_recorded_paused_and_lost_and_the_end_of_the_program
     watching = watched(tmp_path, open_camera=partial(open_unsteady_recording, tmp_path))
     with contextlib.ExitStack() as server, chromium() as driver:
         driver.get(server.enter_context(served(watching)))
-        until(driver, lambda one: len(one.find_elements("css selector", "#people li")) == 2)
-        reads(driver, "#people", "person 1: ")
-        reads(driver, "#people", "person 2: ")
-        reads(driver, "#numbers", "ms from image to joints")
-        until(driver, lambda one: shows(one, (PINK, YELLOW)))
+        driver.until(lambda one: len(one.all("#people li")) == 2)
+        driver.reads("#people", "person 1: ")
+        driver.reads("#people", "person 2: ")
+        driver.reads("#numbers", "ms from image to joints")
+        driver.until(lambda one: shows(one, (PINK, YELLOW)))
 
-        body = find(driver, "body")
+        body = driver.find("body")
         body.send_keys("r")
-        reads(driver, "#record", "Stop recording (")
-        find(driver, "#joints").click()
-        until(driver, lambda one: re.match(r"Save joints \((?!0:00)", find(one, "#joints").text))
-        find(driver, "#record").click()
+        driver.reads("#record", "Stop recording (")
+        driver.find("#joints").click()
+        driver.until(lambda one: re.match(r"Save joints \((?!0:00)", one.find("#joints").text))
+        driver.find("#record").click()
         body.send_keys("j")
-        until(driver, lambda one: len(one.find_elements("css selector", "#said li")) == 2)
-        reads(driver, "#said", "depth images of")
-        reads(driver, "#said", "joints of")
+        driver.until(lambda one: len(one.all("#said li")) == 2)
+        driver.reads("#said", "depth images of")
+        driver.reads("#said", "joints of")
         (recording,) = (tmp_path / "kept").glob("*.h5")
         assert len(list(open_depth(recording))) > 5 and len(list((tmp_path / "kept").glob("*.npz"))) == 2
 
         for button, told in (("Go on", "paused"), ("Pause", "")):
             body.send_keys(" ")
-            until(driver, lambda one, wanted=(button, told): (find(one, "#pause").text, find(one, "#told").text) == wanted)
+            driver.until(lambda one, wanted=(button, told): (one.find("#pause").text, one.find("#told").text) == wanted)
         (tmp_path / "unplugged").touch()
-        reads(driver, "#told", "plug the camera in")
+        driver.reads("#told", "plug the camera in")
         (tmp_path / "unplugged").unlink()
-        until(driver, lambda one: not find(one, "#told").text)
+        driver.until(lambda one: not one.find("#told").text)
 
-        resize(driver, NARROW)
-        until(driver, lambda one: one.execute_script("return window.innerWidth") == NARROW[0])
-        assert overflow_px(driver) <= 0 and severe(driver) == []
+        driver.resize(NARROW)
+        driver.until(lambda one: one.execute_script("return window.innerWidth") == NARROW[0])
+        assert driver.overflow_px <= 0 and driver.severe() == []
         server.close()
-        reads(driver, "#told", "does not answer")
+        driver.reads("#told", "does not answer")

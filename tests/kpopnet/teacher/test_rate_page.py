@@ -7,7 +7,7 @@ pytest.importorskip("selenium", reason="selenium is not installed")
 
 from rated_sets import write_set
 from selenium.webdriver.common.keys import Keys
-from teacher_page import NARROW, chromium, find, overflow_px, reads, resize, served, severe, skip_without_browser, until
+from teacher_page import NARROW, chromium, served, skip_without_browser
 
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.dances.ratings import ratings_path, read_ratings
@@ -28,39 +28,39 @@ def test_a_rater_answers_reloads_and_finishes(tmp_path):
     with served(rating) as address, chromium() as driver:
 
         def press(key: str) -> None:
-            find(driver, "body").send_keys(key)
+            driver.find("body").send_keys(key)
 
         driver.get(address)
-        find(driver, "#name").send_keys("eve 1", Keys.ENTER)
-        reads(driver, "#told", f"Pair 1 of {PAIRS}")
-        until(driver, lambda one: float(find(one, "#scrub").get_attribute("value")) > 0.5)  # it plays
-        reads(driver, "#play", "Play")  # it is over
+        driver.find("#name").send_keys("eve 1", Keys.ENTER)
+        driver.reads("#told", f"Pair 1 of {PAIRS}")
+        driver.until(lambda one: float(one.find("#scrub").get_attribute("value")) > 0.5)  # it plays
+        driver.reads("#play", "Play")  # it is over
         for told in ("Pause", "Play"):
             press(Keys.SPACE)
-            reads(driver, "#play", told)
-        canvases = driver.find_elements("css selector", ".trio canvas")
+            driver.reads("#play", told)
+        canvases = driver.all(".trio canvas")
         before = [canvas.screenshot_as_base64 for canvas in canvases]
         assert len(set(before)) == 3  # each dances otherwise
         press("d")
-        until(driver, lambda _: all(one.screenshot_as_base64 != old for one, old in zip(canvases, before, strict=True)))
+        driver.until(lambda _: all(one.screenshot_as_base64 != old for one, old in zip(canvases, before, strict=True)))
         press(Keys.ARROW_LEFT)
-        reads(driver, "#told", "Pair 2")
+        driver.reads("#told", "Pair 2")
         assert choices() == ["left"]
         press(Keys.BACKSPACE)
-        reads(driver, "#told", "Pair 1")
-        until(driver, lambda one: not find(one, "#undo").is_enabled())
+        driver.reads("#told", "Pair 1")
+        driver.until(lambda one: not one.find("#undo").is_enabled())
         assert choices() == []
-        find(driver, "#right").click()
-        reads(driver, "#told", "Pair 2")
+        driver.find("#right").click()
+        driver.reads("#told", "Pair 2")
         press(Keys.ARROW_DOWN)
-        reads(driver, "#told", "Pair 3")
+        driver.reads("#told", "Pair 3")
         driver.refresh()
-        reads(driver, "#told", "Pair 3")
-        resize(driver, NARROW)
-        assert overflow_px(driver) <= 0
-        assert all(one.rect["x"] + one.rect["width"] <= NARROW[0] for one in driver.find_elements("tag name", "button"))
+        driver.reads("#told", "Pair 3")
+        driver.resize(NARROW)
+        assert driver.overflow_px <= 0
+        assert all(one.rect["x"] + one.rect["width"] <= NARROW[0] for one in driver.all("button"))
         for told in ("Pair 4", f"All {PAIRS} pairs are rated"):
             press(Keys.ARROW_RIGHT)
-            reads(driver, "#told", told)
-        assert not find(driver, "#right").is_displayed()
-        assert choices() == ["right", "equal", "right", "right"] and severe(driver) == []
+            driver.reads("#told", told)
+        assert not driver.find("#right").is_displayed()
+        assert choices() == ["right", "equal", "right", "right"] and driver.severe() == []

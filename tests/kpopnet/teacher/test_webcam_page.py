@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
 from programs import tool
-from teacher_page import chromium, find, served, skip_without_browser, until
+from teacher_page import chromium, served, skip_without_browser
 from webcam_films import STAMP_BITS, STAMP_PX, FilmedLearner, write_film
 
 from kpopnet.dance.joint_files.mediapipe import CAMERA, WEBCAM
@@ -67,23 +67,23 @@ def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(librar
         browser.get(address)
         browser.execute_script("localStorage.setItem('teach.source', JSON.stringify('webcam'))")
         browser.get(f"{address}#/dance/dance_001?speed=25")
-        start = find(browser, "#start")
-        assert "depth camera adds" in find(browser, "#without-depth").text
+        start = browser.find("#start")
+        assert "depth camera adds" in browser.find("#without-depth").text
         browser.execute_script(NOTE_STAMPS)
         start.click()
-        until(browser, lambda one: find(one, "#so-far").text.isdigit())
+        browser.until(lambda one: one.find("#so-far").text.isdigit())
         stamps = browser.execute_script("return stamps")
-        loaded = browser.execute_script("return performance.getEntriesByType('resource').map((one) => one.name)")
+        asked = browser.loaded
         start.click()
         asked_after = len(heard)
         time.sleep(1)
         assert len(heard) <= asked_after + 1  # a lesson that ends lets go of the webcam
-        assert find(browser, "#error").text == ""
+        assert browser.find("#error").text == ""
         with closing(socket.create_server(("127.0.0.1", 0))) as other:
             left, refused, policy = browser.execute_async_script(LEAVE, f"http://127.0.0.1:{other.getsockname()[1]}/")
         assert (left, refused) == ("not sent", ["connect-src"])
         assert "default-src 'none'" in policy and "connect-src 'self'" in policy and "script-src 'self'" in policy
-    assert loaded and all(name.startswith(address) for name in loaded)
+    assert asked and all(name.startswith(address) for name in asked)
     assert all(any(f"{end} HTTP" in line for line in caplog.messages) for end in (".wasm", ".tflite", ".binarypb", ".data"))
     errors_m = []
     for stamp, seen in zip(stamps, heard, strict=False):

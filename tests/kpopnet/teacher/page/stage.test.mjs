@@ -127,6 +127,16 @@ test("from a phrase that was practised a link leads to the whole dance of the sa
   leave();
 });
 
+test("a camera that is away interrupts the dance, which goes on with it", async () => {
+  const { get, leave } = await opened();
+  begin(get);
+  told({ kind: "away", text: "plug the camera in" });
+  assert.deepEqual([get("guide").textContent, get("start").textContent, get("error").textContent], ["plug the camera in", "Stop", ""]);
+  told({ kind: "back", from_s: 1 });
+  assert.deepEqual([asked().at(-1), get("guide").textContent], ["resume", ""]);
+  leave();
+});
+
 test("shortcuts work with Caps Lock and on a Korean layout", async () => {
   const { get, leave } = await opened();
   begin(get);
