@@ -91,17 +91,6 @@ def test_every_stage_equals_the_reference(depth):
     assert np.array_equal(ridge_probability(depth, CONFIG), stages.probability)
 
 
-@pytest.mark.parametrize(("half_width", "angle"), [(14, 20), (20, 45)])
-def test_the_ratio_of_a_limb_is_that_of_the_geometry(half_width, angle):
-    depth, off = limb(half_width, angle)
-    ratio = ridge_stages(depth, CONFIG).ratio
-    middle = np.s_[40:80, 40:80]
-    on_line, on_slope = off[middle] < 0.51, np.abs(off[middle] - half_width * 0.6) < 0.51
-    # Integral of 1 - |cos| over the circle; the pixel grid adds up to about 1 / (2 radius).
-    assert ratio[middle][on_line].mean() == pytest.approx(1 - 2 / math.pi, abs=0.07)
-    assert ratio[middle][on_slope].mean() == pytest.approx(1, abs=0.05)
-
-
 @pytest.mark.parametrize(("half_width", "angle"), [(3, 0), (4, 17), (9, 63)])
 def test_the_default_marks_the_axes_of_limbs_and_the_papers_value_does_not(half_width, angle):
     marked, paper, rows = 0, 0, 0

@@ -1,7 +1,6 @@
 """The program of the dance teacher, without its page."""
 
 import asyncio
-import functools
 import json
 import re
 import subprocess
@@ -22,7 +21,6 @@ from kpopnet.errors import InputError
 from kpopnet.programs import teach
 from kpopnet.programs.convert import write_dance
 from kpopnet.skeleton import Joint
-from kpopnet.sources import open_depth
 from kpopnet.sources.source import TimedDepth
 from kpopnet.teacher.live import lesson
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
@@ -135,13 +133,6 @@ def test_without_its_server_library_it_says_what_to_install(run, monkeypatch):
     assert "[app]'" in run(fails=True)
 
 
-@pytest.fixture
-def recording(tmp_path):
-    depth_mm = np.arange(1, 7, dtype=np.uint16)[:, None, None] * np.full((6, 240, 320), 500, np.uint16)
-    np.savez(tmp_path / "depth.npz", depth=depth_mm)
-    return functools.partial(open_depth, tmp_path / "depth.npz", CAMERAS["kinect_v1"], 30.0)
-
-
 class Moments:
     """A clock that tests move on, in place of the module `time`."""
 
@@ -163,23 +154,6 @@ def moments(monkeypatch):
     return moments
 
 
-def test_a_recording_waits_for_the_dance_and_runs_with_it(recording, moments):
-    clock = DanceClock(0.0, 1.0)
-    camera = teach.open_source(recording, Lesson("d", source="recording"), None, clock)
-    assert camera.camera.width == 320
-    waiting = [camera.read()[0][0, 0] for _ in range(3)]
-    assert waiting == [0.5, 0.5, 0.5]
-    for _ in range(2):  # and once more, from its beginning, for another try
-        clock.start(0.05)
-        began = moments.monotonic()
-        shown = [camera.read()[0][0, 0] for _ in range(6)]
-        assert shown == pytest.approx([0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
-        assert moments.monotonic() - began > 0.05 + 4 / 30
-        assert camera.read()[0][0, 0] == 3.0  # a person who stands there
-        clock.stop()
-        assert camera.read()[0][0, 0] == 0.5
-
-
 def recorded(moments, clock, read_s, begin_s=0.0, frames=900):
     """A recording of which each image is its own time, and takes read_s(number) seconds to be read."""
 
@@ -194,6 +168,20 @@ def recorded(moments, clock, read_s, begin_s=0.0, frames=900):
 def late_s(camera, clock, images):
     """How far the images are from the moments of the dance at which they are seen."""
     return [abs(clock.dance_s(taken) - depth_m[0, 0]) for depth_m, taken in (camera.read() for _ in range(images))]
+
+
+def test_a_recording_waits_for_the_dance_and_runs_with_it(moments):
+    clock = DanceClock(0.0, 1.0)
+    camera = recorded(moments, clock, lambda number: 0.0, frames=6)
+    assert [camera.read()[0][0, 0] for _ in range(3)] == [0, 0, 0]
+    for _ in range(2):  # and once more, from its beginning, for another try
+        clock.start(0.05)
+        began = moments.monotonic()
+        shown = [camera.read()[0][0, 0] for _ in range(7)]
+        assert shown == pytest.approx(np.array([0, 1, 2, 3, 4, 5, 5]) / 30)  # in the end a person who stands there
+        assert moments.monotonic() - began > 0.05 + 4 / 30
+        clock.stop()
+        assert camera.read()[0][0, 0] == 0
 
 
 def test_of_a_recording_is_seen_what_belongs_to_the_moment_of_the_dance(moments):

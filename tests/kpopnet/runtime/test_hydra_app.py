@@ -3,12 +3,11 @@
 from dataclasses import asdict, dataclass, field
 
 import pytest
-import torch
 
 from kpopnet.errors import InputError
 from kpopnet.programs.train import NetworkTrainingConfig
 from kpopnet.runtime import hydra_app
-from kpopnet.runtime.hydra_app import as_text, resumed_config, settings, user_errors, with_comments
+from kpopnet.runtime.hydra_app import as_text, resumed_config, settings, with_comments
 
 
 @pytest.fixture
@@ -41,20 +40,6 @@ def test_other_values_are_refused_in_one_line(resume, change):
         with pytest.raises(InputError) as refusal:
             resume(saved)
         assert "\n" not in str(refusal.value)
-
-
-def test_an_error_of_a_data_worker_is_told_without_torchs_traceback(capsys):
-    class Torn(torch.utils.data.Dataset):
-        def __len__(self) -> int:
-            return 1
-
-        def __getitem__(self, index: int) -> int:
-            raise InputError("shard_00000.h5: torn")
-
-    loader = torch.utils.data.DataLoader(Torn(), num_workers=1, multiprocessing_context="fork")
-    with pytest.raises(SystemExit):
-        user_errors(lambda: next(iter(loader)))()
-    assert capsys.readouterr().err == "error: shard_00000.h5: torn\n"
 
 
 @dataclass
