@@ -8,12 +8,13 @@ import struct
 import subprocess
 import sys
 import time
+from dataclasses import astuple
 
 import numpy as np
 import pytest
 from cone_people import cone_body, cone_joints, draw_cones
 from depth_files import CAMERA as DEPTH_CAMERA
-from depth_files import camera_numbers, depth_mm, next_image
+from depth_files import depth_mm, next_image
 from programs import ROOT, run_program
 
 from kpopnet.camera import CAMERAS
@@ -57,7 +58,7 @@ def test_a_camera_becomes_joints(tmp_path):
 def recording(tmp_path):
     """What stands for a camera in examples/feed_pipe.py, and its images."""
     images = depth_mm(4)
-    np.savez(tmp_path / "camera.npz", depth_mm=images, camera=camera_numbers(), fps=50.0)
+    np.savez(tmp_path / "camera.npz", depth_mm=images, camera=astuple(DEPTH_CAMERA), fps=50.0)
     return tmp_path / "camera.npz", images
 
 

@@ -4,6 +4,7 @@ import json
 import struct
 import time
 from contextlib import suppress
+from dataclasses import astuple
 from pathlib import Path
 
 import h5py
@@ -23,10 +24,6 @@ def depth_mm(frames: int = 12) -> np.ndarray:
     images = (1500 + 40 * row + 7 * column + 3 * np.arange(frames)[:, None, None]).astype(np.uint16)
     images[:, 5:9, 6:11] = 0
     return images
-
-
-def camera_numbers(camera: Camera = CAMERA) -> list[float]:
-    return [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height]
 
 
 def write_pngs(folder: Path, images: np.ndarray, suffix: str = ".png") -> Path:
@@ -62,14 +59,14 @@ def write_scannet(folder: Path, images: np.ndarray, units_per_m: int = 1000) -> 
 
 
 def write_npz(path: Path, images: np.ndarray, **others: object) -> Path:
-    np.savez_compressed(path, depth_mm=images, camera=camera_numbers(), **others)
+    np.savez_compressed(path, depth_mm=images, camera=astuple(CAMERA), **others)
     return path
 
 
 def write_hdf5(path: Path, images: np.ndarray, chunk: int = 5) -> Path:
     with h5py.File(path, "w") as file:
         file.create_dataset("depth_mm", data=images, chunks=(min(chunk, len(images)), *images.shape[1:]), compression=1)
-        file.attrs["camera"] = camera_numbers()
+        file.attrs["camera"] = astuple(CAMERA)
         file.attrs["fps"] = FPS
     return path
 
@@ -97,7 +94,7 @@ class SoftwareCamera:
         self.device = rs.software_device()
         self._sensor = self.device.add_sensor("Depth")
         lens = rs.intrinsics()
-        lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height = camera_numbers(camera)
+        lens.fx, lens.fy, lens.ppx, lens.ppy, lens.width, lens.height = astuple(camera)
         stream = rs.video_stream()
         stream.type, stream.fmt, stream.bpp, stream.fps = rs.stream.depth, rs.format.z16, 2, int(FPS)
         stream.index, stream.uid, stream.width, stream.height, stream.intrinsics = 0, 0, camera.width, camera.height, lens
@@ -132,8 +129,7 @@ def write_bag(path: Path, images: np.ndarray, unit_m: float = 0.001, camera: Cam
 
 def sent_line(**others: object) -> bytes:
     """The first line of what a sender of `kpopnet.sources.stream` sends."""
-    camera = dict(zip(("fx", "fy", "cx", "cy", "width", "height"), camera_numbers(), strict=True))
-    return json.dumps(camera | {"dtype": "uint16", "unit_m": 0.001} | others).encode() + b"\n"
+    return json.dumps(vars(CAMERA) | {"dtype": "uint16", "unit_m": 0.001} | others).encode() + b"\n"
 
 
 def next_image(camera: LiveCamera) -> tuple[np.ndarray, float]:

@@ -2,6 +2,7 @@
 
 import json
 import zlib
+from dataclasses import astuple
 from pathlib import Path
 
 import h5py
@@ -102,7 +103,7 @@ def store_shard(
                 "format": FORMAT, "version": VERSION, "kind": kind, "config": json.dumps({"made_by": "tests"}),
                 "config_hash": f"{zlib.crc32(folder.name.encode()):012x}", "seed": 7, "split": "test", "shard": shard,
                 "start": start, "stop": start + count, "packages": json.dumps({}),
-                "camera": [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height],
+                "camera": astuple(camera),
             }
         )  # fmt: skip
         file.attrs["joint_names"] = list(JOINT_NAMES)

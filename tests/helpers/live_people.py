@@ -1,5 +1,6 @@
 """Two people of cones before a live camera."""
 
+from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 
@@ -23,8 +24,7 @@ def write_recording(folder: Path) -> np.ndarray:
     way = two_people_mm(FRAMES // 2 + 1)
     images = np.concatenate([way, way[-2:0:-1]])
     images[:, 0, 0] = 1000 + np.arange(FRAMES)
-    camera = [CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy, CAMERA.width, CAMERA.height]
-    np.savez(folder / "two.npz", depth_mm=images, camera=camera, fps=FPS)
+    np.savez(folder / "two.npz", depth_mm=images, camera=astuple(CAMERA), fps=FPS)
     return images
 
 

@@ -1,6 +1,7 @@
 """The program `kpopnet predict`: a recording in; joints, pictures and a page out."""
 
 import json
+from dataclasses import astuple
 from functools import partial
 
 import cv2
@@ -94,12 +95,12 @@ def test_joints_are_kept_where_the_pictures_cannot_be_made(predict, tmp_path):
 def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(predict, tmp_path):
     images = np.zeros((2, 240, 320), np.uint16)
     images[:, 60:200, 140:180] = 2500
-    np.savez(tmp_path / "a.npz", depth=images, camera=list(vars(CAMERAS["kinect_v1"]).values()))
+    np.savez(tmp_path / "a.npz", depth=images, camera=astuple(CAMERAS["kinect_v1"]))
     assert "person 1: in 2 of 2 images" in predict(tmp_path / "a.npz", "--segmented")
 
 
 def test_times_since_1970_become_times_since_the_first_image(predict, tmp_path):
-    known = {"depth": recording()[:3], "camera": list(vars(CAMERA).values())}
+    known = {"depth": recording()[:3], "camera": astuple(CAMERA)}
     for start_s, first_s in ((1.7e9, 0.0), (84231.5, 84231.5)):
         np.savez(tmp_path / "a.npz", times_s=start_s + np.arange(3) / 32, **known)
         predict(tmp_path / "a.npz", "--segmented")
@@ -107,7 +108,7 @@ def test_times_since_1970_become_times_since_the_first_image(predict, tmp_path):
 
 
 def test_a_recording_that_goes_on_is_shown_as_far_as_it_was_read(tmp_path):
-    np.savez(tmp_path / "a.npz", depth=recording(), camera=list(vars(CAMERA).values()))
+    np.savez(tmp_path / "a.npz", depth=recording(), camera=astuple(CAMERA))
     draw(open_depth(tmp_path / "a.npz"), [], np.arange(5) / 30, tmp_path, gif=False)
     assert cv2.VideoCapture(str(tmp_path / "overlay.mp4")).get(cv2.CAP_PROP_FRAME_COUNT) == 5
 

@@ -6,13 +6,14 @@ import sys
 import tracemalloc
 import zipfile
 import zlib
+from dataclasses import astuple
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from damaged_files import is_refused
-from depth_files import CAMERA, FPS, camera_numbers, depth_mm, write_hdf5, write_npz, write_pngs, write_sent, write_video
+from depth_files import CAMERA, FPS, depth_mm, write_hdf5, write_npz, write_pngs, write_sent, write_video
 from PIL import Image
 from programs import ROOT
 
@@ -164,7 +165,7 @@ def test_the_camera_comes_from_a_preset_a_file_an_angle_or_a_focal_length(tmp_pa
     with pytest.raises(InputError, match=r"frame 0: expected the camera's 512x424 pixels, got 320x240"):
         list(open_depth(tmp_path / "a.npy", CAMERAS["kinect_2"]))
     matrix = [[CAMERA.fx, 0, CAMERA.cx], [0, CAMERA.fy, CAMERA.cy], [0, 0, 1]]
-    for intrinsics in (matrix, camera_numbers()[:4]):
+    for intrinsics in (matrix, astuple(CAMERA)[:4]):
         np.savez(tmp_path / "b.npz", depth=MILLIMETRES, intrinsics=intrinsics)
         assert open_depth(tmp_path / "b.npz").camera == CAMERA
 
