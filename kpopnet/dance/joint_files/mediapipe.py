@@ -7,7 +7,6 @@ for seen from some metres away.
 """
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -135,9 +134,9 @@ class PictureJoints:
         return exchanged if odds > 1 else person
 
 
-def is_mediapipe(names: Sequence[str]) -> bool:
-    """Whether points are all of MediaPipe's, by their names in any spelling."""
-    return sorted(map(plain_name, names)) == sorted(map(plain_name, MEDIAPIPE_NAMES))
+def is_mediapipe(recorded: NamedPoints) -> bool:
+    """Whether points are all of MediaPipe's, by their names in any spelling, and not otherwise said to be joints."""
+    return not recorded.places and sorted(map(plain_name, recorded.names)) == sorted(map(plain_name, MEDIAPIPE_NAMES))
 
 
 def lifted(recorded: NamedPoints, fps: float | None, source: str) -> Performance:

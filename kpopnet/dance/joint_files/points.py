@@ -94,6 +94,7 @@ class NamedPoints(NamedTuple):
     confidence: np.ndarray | None = None  # (T, P) in 0..1; None for 1
     fps: float | None = None
     image: np.ndarray | None = None  # (T, P, 2) where the points are in a picture, shares of its width and height
+    places: dict[Joint, list[int]] | None = None  # the points whose mean is each joint, if not those that the names tell
 
 
 def named_performances(group: Sequence[tuple[NamedPoints, str]], fps: float | None = None) -> list[Performance]:
@@ -114,7 +115,7 @@ def named_joints(recorded: NamedPoints, source: str) -> tuple[np.ndarray, np.nda
 
     Raises InputError, which names the recording as `source`, where a joint has no point.
     """
-    places = _joint_places(recorded.names, source)
+    places = recorded.places or _joint_places(recorded.names, source)
     points = np.where(np.isfinite(recorded.points), recorded.points, np.nan)
     joints = np.full((len(points), NUM_JOINTS, 3), np.nan)
     confidence = np.ones((len(points), NUM_JOINTS))
@@ -160,7 +161,7 @@ def _joint_places(names: Sequence[str], source: str, known_already: Collection[J
 
 
 def with_joint_map(recorded: NamedPoints, joint_map: Path, source: str) -> NamedPoints:
-    """A recording by our names of joints: each the mean of the points that a JSON file gives for it, by name or number.
+    """A recording with places of joints: each the mean of the points that a JSON file gives for it, by name or number.
 
     Joints that the map leaves out are found by the recording's own names, and all are where it has none of the map's points.
     Raises InputError if it has only some of them, or the map is wrong.
@@ -180,13 +181,7 @@ def with_joint_map(recorded: NamedPoints, joint_map: Path, source: str) -> Named
         return recorded
     expect(not missing, source, f"the points {names_in(missing)} of {where}; it names {names_in(own)}")
     places = {Joint[joint.upper()]: [own.index(word) for word in words] for joint, words in points.items()}
-    places |= _joint_places(recorded.names, source, places)
-    columns, confidence = places.values(), recorded.confidence
-    return recorded._replace(
-        names=[joint.name.lower() for joint in places],
-        points=np.stack([recorded.points[:, one].mean(axis=1) for one in columns], axis=1),
-        confidence=None if confidence is None else np.stack([confidence[:, one].min(axis=1) for one in columns], axis=1),
-    )
+    return recorded._replace(places=places | _joint_places(recorded.names, source, places))
 
 
 def plain_name(name: str) -> str:

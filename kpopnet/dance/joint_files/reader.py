@@ -111,7 +111,7 @@ def _recorded(
         return recorded
     if joint_map is not None:
         recorded = with_joint_map(recorded, joint_map, str(path))
-    return lifted(recorded, fps, str(path)) if is_mediapipe(recorded.names) else recorded
+    return lifted(recorded, fps, str(path)) if is_mediapipe(recorded) else recorded
 
 
 def read_strangers_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:

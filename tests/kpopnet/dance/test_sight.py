@@ -84,9 +84,12 @@ def test_in_the_mean_over_all_directions_squares_are_those_of_the_whole_differen
 @pytest.mark.parametrize("forearm", [(0.6, -0.8, 0.0), (0.6, 0.8, 0.0)])
 def test_of_what_is_seen_the_angles_are_those_of_the_feature_and_of_what_is_not_seen_none(forearm):
     teacher_m = standing_m(forearm)
-    for segment, moved in (("left_elbow", ()), ("left_hand", (Joint.LEFT_ELBOW, (Joint.LEFT_HAND,)))):
+    lower_arm, leg = (Joint.LEFT_ELBOW, (Joint.LEFT_HAND,)), (Joint.LEFT_HIP, (Joint.LEFT_KNEE, Joint.LEFT_FOOT))
+    for segment, away, moved in (
+        ("left_elbow", (0, 1, 0), ()), ("left_hand", (0, 1, 0), lower_arm), ("left_knee", (1, 0, 0), leg),
+    ):  # fmt: skip
         columns = [name.startswith(segment) for name in FEATURES[FEATURE].names]
-        across, along = (arm_turned(teacher_m, axis, 12, *moved) for axis in ((0, 0, 1), (0, 1, 0)))
+        across, along = (arm_turned(teacher_m, axis, 12, *moved) for axis in ((0, 0, 1), away))
         for learner_m, seen in ((across, True), (along, False)):
             pair = [dance_features(np.repeat(one, 3, axis=0), FEATURE, FPS) for one in (learner_m, teacher_m)]
             found, whole = (

@@ -151,8 +151,9 @@ TIMES_S = np.arange(len(DANCE)) / 30
 
 @pytest.mark.parametrize(("width", "rate"), [(72, {"mocap_framerate": 30.0}), (165, {"fps": 30.0}), (66, {"times_s": TIMES_S})])
 def test_an_smpl_motion_is_danced_by_the_mean_adult(tmp_path, width, rate):
-    read = read_performance(write_amass(tmp_path / "a.npz", DANCE, width, **{"mocap_framerate": None} | rate))
-    assert_joints_lie_at(read, on_the_mean_adult(DANCE, SMPL_PARENTS.values(), SMPL_PARENTS))
+    motion = bent(DANCE, "Spine", 20)
+    read = read_performance(write_amass(tmp_path / "a.npz", motion, width, **{"mocap_framerate": None} | rate))
+    assert_joints_lie_at(read, on_the_mean_adult(motion, SMPL_PARENTS.values(), SMPL_PARENTS))
     np.testing.assert_allclose(read.times_s, TIMES_S)
 
 
