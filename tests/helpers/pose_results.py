@@ -21,12 +21,9 @@ def pose_results(truth_m: np.ndarray, estimate_m: np.ndarray, **given) -> PoseRe
     return PoseResults(truth_m, estimate_m, **(usual | given))
 
 
-def results_of_errors(error_m: np.ndarray, confidence: np.ndarray | None = None, **given) -> PoseResults:
+def results_of_errors(error_m: np.ndarray, **given) -> PoseResults:
     """Results with (N, 15) errors in metres, NaN without a true position and infinite where missing."""
     truth_m = np.where(np.isnan(error_m)[..., None], np.nan, np.zeros((*error_m.shape, 3)))
     estimate_m = np.where(np.isfinite(error_m), error_m, np.nan)[..., None] * np.array([0.6, 0.0, 0.8])
     estimate_m[np.isnan(error_m)] = 0.0
-    found = pose_results(truth_m, estimate_m, visible=np.ones(error_m.shape, bool), **given)
-    if confidence is not None:
-        found.confidence[:] = confidence
-    return found
+    return pose_results(truth_m, estimate_m, visible=np.ones(error_m.shape, bool), **given)

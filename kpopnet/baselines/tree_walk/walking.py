@@ -174,10 +174,9 @@ class TreeWalkModel:
             raise InputError(f"{folder}: no tree walk model there (no {META}); {TRAIN_ONE}")
         kind = {"format": str, "version": int, "crop_px": int, "half_size_m": float}
         meta = check_fields(str(path), read_json(path, non_finite=True), kind)
-        expect((meta["format"], meta["version"]) == (FORMAT, VERSION), str(path), f"a {FORMAT} of version {VERSION}")
-        cube = meta["crop_px"], meta["half_size_m"]
-        possible = 32 <= cube[0] <= 512 and cube[1] == HALF_SIZE_M
-        expect(possible, str(path), f"a possible cube, found {cube[0]} pixels and {cube[1]} m")
+        known = (meta["format"], meta["version"], meta["half_size_m"]) == (FORMAT, VERSION, HALF_SIZE_M)
+        expectation = f"a {FORMAT} of version {VERSION} with a cube of {HALF_SIZE_M} m and 32 to 512 pixels; {TRAIN_ONE}"
+        expect(known and 32 <= meta["crop_px"] <= 512, str(path), expectation)
         return cls(meta["crop_px"], _read_trees(Path(folder) / TREES))
 
 

@@ -33,9 +33,6 @@ NO_JOINTS_M = np.zeros((0, len(Joint), 3))
 
 MAIN_SCORER = "dance22"
 
-OTHER_NETWORK = "{name} runs a given checkpoint, but what is taken out of its scores are the errors of the package's network."
-"""An assumption of the report."""
-
 
 class Method(NamedTuple):
     """A scorer on a source of joints: the true ones (TRUTH) or those of an estimator, by its name."""
@@ -145,7 +142,8 @@ def run_dances(
         assumptions.append(f"Scores on true joints are left out: {lacking}.")
     if any(isinstance(one, PartScorer) and one.noise == "auto" for one in scorers.values()):
         others = [name for name in NOISE.keys() & caches if getattr(estimators[name], "checkpoint", None) is not None]
-        assumptions += [OTHER_NETWORK.format(name=name) for name in sorted(others)]
+        told = "runs a given checkpoint, but what is taken out of its scores are the errors of the package's network."
+        assumptions += [f"{name} {told}" for name in sorted(others)]
     scores = {method: {name: one.scores[method] for name, one in scored.items()} for method in methods}
     agreements = {
         method: agreement({name: similarities(learners) for name, learners in by_dance.items()}, seed)

@@ -147,20 +147,15 @@ def test_a_mode_of_films_is_told_the_rate_which_names_its_poses(folder, monkeypa
     assert estimator.fps == pytest.approx(rate) and f".{rate:g}fps.npz" in cache.path(dance, dance.learners[0]).name
 
 
-def test_dances_without_labels_are_told(folder):
-    assert not any("without labels" in line for line in remarks(run(folder, {})))
+def test_what_means_nothing_in_a_set_is_not_claimed_of_it_and_dances_without_labels_are_told(folder):
+    assert run(folder, {}).agreements["truth", "dance22"].interval["concordance"]
+    (folder / "manifest.json").write_text(json.dumps({"simulated": True, "ordered": False, "independent": False}))
     (folder / "unranked").mkdir()
     shutil.copy(next(folder.glob("*/teacher.h5")), folder / "unranked")
-    assert any("1 dances without labels.csv" in line for line in remarks(run(folder, {})))
-
-
-def test_what_means_nothing_in_a_set_is_not_claimed_of_it(folder):
-    assert run(folder, {}).agreements["truth", "dance22"].interval["concordance"]
-    manifest = {"simulated": True, "ordered": False, "independent": False}
-    (folder / "manifest.json").write_text(json.dumps(manifest))
     found = run(folder, {}, scorers=SCORERS_TOLD)
     told = " ".join(remarks(found))
     assert "mean nothing" in told and "no interval is given" in told and "86 of 100" not in told
+    assert "1 dances without labels.csv" in told
     assert set(found.agreements["truth", "dance22"].interval.values()) == {None}
     assert paired_table(found).rows[0][-1].value is None
 
@@ -194,8 +189,7 @@ def test_trackers_do_not_wait_for_the_y_pose(folder, monkeypatch):
         pose_cache, "build_estimators", lambda one: built.extend(one.values()) or {"tracker": Fake(FakeConfig())}
     )
     found = run(folder, {"tracker": TrackerEstimatorConfig(start="y_pose")}, count=1)
-    assert [config.start for config in built] == ["auto"]
-    assert any("start=auto" in line for line in found.assumptions)
+    assert [config.start for config in built] == ["auto"] and any("start=auto" in line for line in found.assumptions)
 
 
 @pytest.mark.parametrize(("checkpoint", "noise", "told"), [("mine", "auto", 1), (None, "auto", 0), ("mine", "none", 0)])
@@ -207,8 +201,7 @@ def test_it_is_said_that_the_noise_of_another_checkpoint_is_not_its_own(folder, 
 
 
 def test_the_report_has_all_its_parts(folder, fake, tmp_path):
-    benchmark = KpopConfig(path=str(folder))
-    config = EvaluateConfig(benchmark, {"fake": FakeConfig(0.05)}, scorer=SCORERS_TOLD, processes=1)
+    config = EvaluateConfig(KpopConfig(path=str(folder)), {"fake": FakeConfig(0.05)}, scorer=SCORERS_TOLD, processes=1)
     report = evaluate_dances(config, tmp_path / "out")
     write(report, config, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
@@ -219,8 +212,7 @@ def test_the_report_has_all_its_parts(folder, fake, tmp_path):
     text = (tmp_path / "out" / "report.md").read_text()
     assert "REAL learners of 2 dances" in text and "SIMULATED" not in text and "dance22, raptis" in report.text()
     assert "papa" in text.split("## Table 2")[1] and "✗" in text
-    with (tmp_path / "out" / "table_2.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = list(csv.DictReader((tmp_path / "out" / "table_2.csv").read_text().splitlines()))
     assert len(rows) == 2 * 2 * 2 * 4 and {row["joints"] for row in rows} == {"truth", "fake"}
     assert all((tmp_path / "out" / f"{plot}.png").stat().st_size > 10_000 for plot in ("score_by_rank", "timelines"))
 

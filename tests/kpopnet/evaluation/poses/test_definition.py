@@ -58,16 +58,12 @@ def test_constant_offsets_in_the_bodys_axes_are_recovered_from_one_side_and_desp
 
 
 def test_nobodys_own_labels_move_them():
-    person = np.repeat(["ann", "bob", "cec"], 30)
-    estimate, rng = skeletons(90, 6), np.random.default_rng(6)
-    truth = labels_of(estimate, symmetric_offsets(6)) + 0.01 * rng.normal(size=estimate.shape)
-    first = in_label_definition(truth, estimate, person)
-    own, changed = person == "bob", truth.copy()
-    changed[own] += 0.5 * rng.normal(size=(30, 15, 3))
-    second = in_label_definition(changed, estimate, person)
-    np.testing.assert_array_equal(first[own], second[own])
-    assert (np.abs(first - second)[~own] > 1e-6).any()
-    np.testing.assert_array_equal(first[own], moved(estimate[own], fit_offsets(truth[~own], estimate[~own])))
+    person, estimate = np.repeat(["ann", "bob", "cec"], 30), skeletons(90, 6)
+    truth = labels_of(estimate, symmetric_offsets(6)) + 0.01 * np.random.default_rng(6).normal(size=estimate.shape)
+    found = in_label_definition(truth, estimate, person)
+    for one in np.unique(person):
+        own = person == one
+        np.testing.assert_array_equal(found[own], moved(estimate[own], fit_offsets(truth[~own], estimate[~own])))
 
 
 def test_missing_joints_stay_missing_and_a_joint_without_axes_stays_where_it_is():

@@ -102,14 +102,13 @@ def test_every_breakdown_sums_to_the_total():
     assert result["per_sequence"]["s0"]["pose_error_deviation_cm"] == pytest.approx(deviation)
 
 
-def test_intervals_contain_their_metrics_and_need_five_units():
+def test_intervals_contain_their_metrics():
     rng = np.random.default_rng(5)
     truth, estimate = displaced(rng, rng.uniform(0, 0.2, (60, 15)))
     people = np.repeat(np.arange(12).astype(str), 5)
     result = evaluate(pose_results(truth, estimate, unit=people, person=people), seed=7)
     assert set(result["interval"]) == {"map_10cm", "moving_10cm", "map_14", "mean_error_cm", "average_pose_error_cm"}
     assert all(low < result[name] < high for name, (low, high) in result["interval"].items())
-    assert set(evaluate(pose_results(truth, estimate, unit=np.repeat(np.arange(4), 15)))["interval"].values()) == {None}
 
 
 def test_moving_joints_are_those_far_from_where_the_rest_pose_of_the_person_has_them():
