@@ -177,9 +177,7 @@ class KpopSet:
         self._ranked, files = ranked, (TEACHER, LABELS)[: 1 + ranked]
         self.names = sorted(path.parent.name for path in self.folder.glob(f"*/{files[-1]}"))
         check_names(str(self.folder), self.names)
-        self.unlabelled = (
-            len({path.parent.name for path in self.folder.glob(f"*/{TEACHER}")} - set(self.names)) if ranked else 0
-        )
+        self.unlabelled = len({path.parent.name for path in self.folder.glob(f"*/{TEACHER}")} - set(self.names))
         if not self.names:
             raise InputError(
                 f"{self.folder}: no dances in it; a dance is a folder with {', '.join(files)} and a file for each learner "

@@ -54,16 +54,12 @@ def test_tables_become_files_named_by_the_heading_above(tmp_path):
     assert {path.stem for path in (tmp_path / "tables").glob("*.tex")} == found.keys()
 
 
-def test_an_old_report_is_kept_until_the_new_one_is_whole(tmp_path, monkeypatch):
+def test_old_figures_are_kept_until_the_new_ones_are_whole(tmp_path):
     (tmp_path / ".left.png.host.1-0.tmp").touch()  # of an evaluation that was killed
     write(report("old"), CONFIG, tmp_path)
     with pytest.raises(ValueError, match="JSON"):  # which has no number for it
         write(report("other", metrics={"error": math.inf}), CONFIG, tmp_path)
-    assert "names" in json.loads((tmp_path / "metrics.json").read_text())
-    monkeypatch.setattr("os.fsync", lambda _: (_ for _ in ()).throw(OSError(28, "No space left on device")))
-    with pytest.raises(OSError, match="No space"):
-        write(report("new"), CONFIG, tmp_path)
-    assert "other" in (tmp_path / "report.md").read_text() and len(list(tmp_path.iterdir())) == 4
+    assert "names" in json.loads((tmp_path / "metrics.json").read_text()) and len(list(tmp_path.iterdir())) == 4
 
 
 @dataclass
