@@ -26,32 +26,27 @@ def points_of(name: str, frame: int) -> np.ndarray:
     return CAMERAS[name].points(scene(name, frame)) * np.float32([1, -1, -1])
 
 
-def eval_frame(frame: int, *, magic=7, joints=None, points=None, njoints=None, nmarkers=1) -> bytes:
-    """A frame of EVAL; a joint is (id, position in the camera frame)."""
-    joints = [(number, position_m(number, frame)) for number in IDS] if joints is None else joints
-    points = points_of("eval", frame) if points is None else points
-    parts = [struct.pack("<ii", magic, frame), points.astype("<f4").tobytes(), struct.pack("<i", nmarkers)]
-    # A C string ends at its zero byte; the rest of the buffer and the padding are undefined.
-    parts += [struct.pack("<255sx3f", b"LSHO\0leftover" if slot == 0 else b"", 0.2, 0.4, -2.4) for slot in range(32)]
-    parts.append(struct.pack("<i", len(joints) if njoints is None else njoints))
-    for slot in range(32):
-        number, (x, y, z) = joints[slot] if slot < len(joints) else (77, (5, 5, 5))
-        parts.append(struct.pack("<i3f", number, x, -y, -z))
-    return b"".join(parts)
+def frame_of(name: str, frame: int, *, magic=None, joints=None, points=None, njoints=None, padding=b"") -> bytes:
+    """A frame of a set.
 
-
-def smmc10_frame(frame: int, *, magic=-1982, joints=None, points=None, njoints=None, padding=b"") -> bytes:
-    """A frame of SMMC-10; a marker is (id, position in the camera frame) and visible, or (id, position, cond)."""
+    A joint or marker is (id, position in the camera frame), or (id, position, cond); a marker is visible where cond > 0.
+    """
     joints = [(number, position_m(number, frame)) for number in IDS] if joints is None else joints
-    points = points_of("smmc10", frame) if points is None else points
-    stored = [points[i % 176, i // 176] for i in range(25344)]  # column by column
-    parts = [struct.pack("<iiq", magic, frame, 40_000 * frame), np.array(stored, "<f4").tobytes()]
+    points = points_of(name, frame) if points is None else points
+    slots = [*joints, *[(77, (5, 5, 5), 9.0)] * 64]  # what stands behind the last one is undefined
+    stored = [(number, x, -y, -z, *(cond or [1.0])) for number, (x, y, z), *cond in slots]
+    count = struct.pack("<i", len(joints) if njoints is None else njoints)
+    magic = {"eval": 7, "smmc10": -1982}[name] if magic is None else magic
+    if name == "eval":
+        parts = [struct.pack("<ii", magic, frame), points.astype("<f4").tobytes(), struct.pack("<i", 1)]
+        # A C string ends at its zero byte; the rest of the buffer and the padding are undefined.
+        parts += [struct.pack("<255sx3f", b"LSHO\0leftover" if slot == 0 else b"", 0.2, 0.4, -2.4) for slot in range(32)]
+        return b"".join([*parts, count, *(struct.pack("<i3f", *one[:4]) for one in stored[:32])])
+    by_column = [points[i % 176, i // 176] for i in range(25344)]
+    parts = [
+        struct.pack("<iiq", magic, frame, 40_000 * frame),
+        np.array(by_column, "<f4").tobytes(),
+    ]
     parts += [np.full(25344, value, "<u2").tobytes() for value in (300, 7, 9)]  # dist, amp, conf
-    parts.append(struct.pack("<i", len(joints) if njoints is None else njoints))
-    for slot in range(64):
-        number, (x, y, z), *cond = joints[slot] if slot < len(joints) else (77, (5, 5, 5), 9.0)
-        parts.append(struct.pack("<ii4fI", number, frame, x, -y, -z, *(cond or [1.0]), 3))
+    parts += [count, *(struct.pack("<ii4fI", one[0], frame, *one[1:], 3) for one in stored[:64])]
     return b"".join(parts) + padding
-
-
-FRAMES = {"eval": eval_frame, "smmc10": smmc10_frame}

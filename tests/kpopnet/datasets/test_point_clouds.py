@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from point_cloud_files import CAMERAS, FIRST, FRAMES, points_of, position_m, scene, smmc10_frame
+from point_cloud_files import CAMERAS, FIRST, frame_of, points_of, position_m, scene
 
 from kpopnet.datasets import describe
 from kpopnet.datasets.point_clouds import EvalBenchmark, PointCloudConfig, Smmc10Benchmark
@@ -28,7 +28,7 @@ def name(request) -> str:
 def path(tmp_path: Path, name: str) -> Path:
     """Three frames of one sequence."""
     path = tmp_path / FIRST[name]
-    path.write_bytes(b"".join(FRAMES[name](frame) for frame in range(3)))
+    path.write_bytes(b"".join(frame_of(name, frame) for frame in range(3)))
     return path
 
 
@@ -42,7 +42,7 @@ def test_the_layouts_are_the_published_ones():
     packed, padded = Smmc10Benchmark.layouts
     assert (EvalBenchmark.layouts[0].itemsize, packed.itemsize, padded.itemsize) == (930_704, 458_004, 458_008)
     for layout, padding in ((packed, b""), (padded, bytes(4))):
-        frame = np.frombuffer(smmc10_frame(2, padding=padding), layout)[0]
+        frame = np.frombuffer(frame_of("smmc10", 2, padding=padding), layout)[0]
         assert (frame["dist"][300], frame["amp"][300], frame["conf"][300]) == (300, 7, 9)
         assert tuple(frame["markers"][3][["id", "frame", "cond", "flag"]]) == (24, 2, 1.0, 3)
 
@@ -62,7 +62,7 @@ def test_a_sequence_reads_as_depth_camera_and_joints(path, name):
 
 def test_padded_frames_of_smmc10_are_recognised(tmp_path):
     path = tmp_path / FIRST["smmc10"]
-    path.write_bytes(b"".join(smmc10_frame(frame, padding=b"\xaa\xbb\xcc\xdd") for frame in range(3)))
+    path.write_bytes(b"".join(frame_of("smmc10", frame, padding=b"\xaa\xbb\xcc\xdd") for frame in range(3)))
     sequence = read(path)
     np.testing.assert_array_equal(sequence.depth_m[-1], scene("smmc10", 2))
     assert sequence.visible.sum() == 9
@@ -73,7 +73,7 @@ def test_a_truncated_file_and_an_invalid_frame_are_named(path, name):
     with pytest.raises(InputError, match=rf"{path.name}: truncated 600 bytes into frame 2; .*{FRAME_BYTES[name]} bytes"):
         read(path)
     for changes in ({"magic": 8}, {"njoints": 65}):
-        path.write_bytes(FRAMES[name](0) + FRAMES[name](1, **changes))
+        path.write_bytes(frame_of(name, 0) + frame_of(name, 1, **changes))
         with pytest.raises(InputError, match=rf"{path.name}: frame 1 is damaged"):
             read(path)
 
@@ -84,7 +84,7 @@ def test_what_is_left_out_is_logged(path, name, caplog):
     points[52, 61] = 0.1, 0.1, 2.0  # behind the camera
     absent = (3, (0, 0, 0)) if name == "eval" else (3, position_m(3), -1.0)
     joints = [(1, position_m(1)), absent, (5, (np.nan, 0, 2)), (24, position_m(24)), (60, position_m(60))]
-    path.write_bytes(FRAMES[name](0, points=points, joints=joints) + FRAMES[name](1))
+    path.write_bytes(frame_of(name, 0, points=points, joints=joints) + frame_of(name, 1))
     with caplog.at_level(logging.WARNING):
         sequence = read(path, MAP | {"right_hand": [16]})
     assert "left out 11 points" in caplog.text and "ids [60] are not in the map; ids [16] of the map" in caplog.text
@@ -131,7 +131,7 @@ def test_a_folder_without_the_set_and_a_simulated_one_are_refused(path, name, tm
 def test_ids_are_listed_with_their_positions_and_drawn_there(tmp_path, name, monkeypatch, capsys):
     """Two frames: id 7 in both, id 3 in the first."""
     joints, file, camera = [(7, (0.25, -0.5, 1.75)), (3, (-0.5, 0.25, 1.5))], tmp_path / FIRST[name], CAMERAS[name]
-    file.write_bytes(FRAMES[name](0, joints=joints) + FRAMES[name](1, joints=joints[:1]))
+    file.write_bytes(frame_of(name, 0, joints=joints) + frame_of(name, 1, joints=joints[:1]))
     for given in (tmp_path, file):
         monkeypatch.setattr(sys, "argv", ["describe", str(given), "--figure", str(tmp_path / "ids.png")])
         describe.main()
