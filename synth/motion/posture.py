@@ -40,11 +40,9 @@ _LEG = {
     "invert": (-22, 30), "toes": (-20, 55),
 }  # fmt: skip
 
-LIMITS_DEG = (
-    _TRUNK
-    | {f"{side}_{name}": limits for side in ("left", "right") for name, limits in _ARM.items()}
-    | {f"{side}_{name}": limits for side in ("left", "right") for name, limits in _LEG.items()}
-)
+LIMITS_DEG = _TRUNK | {
+    f"{side}_{name}": limits for limb in (_ARM, _LEG) for side in ("left", "right") for name, limits in limb.items()
+}
 """Channel to (smallest, largest) angle: ranges of motion from physiotherapy textbooks, widened for dancers."""
 
 CHANNELS = {name: i for i, name in enumerate(LIMITS_DEG)}

@@ -4,7 +4,6 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from motions import distance_m, points_m
 
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
@@ -12,10 +11,21 @@ from synth.dances.faults import ENDS, FAULTS, LAG_S, end_motion, habit, lag, wit
 from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig
 from synth.dances.skill import LEVELS, SkillConfig, Strengths, draw_strengths, learn
 from synth.motion.choreography.composer import dance
-from synth.motion.skeleton import Motion, height_above_floor, mirrored
+from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor, mirrored
 
 FPS = 30.0
 NONE = Strengths(0, 0, 0, 0, 0, 0)
+
+
+def points_m(motion: Motion) -> np.ndarray:
+    """(T, 28, 3) relative to the hips, metres."""
+    points, _ = forward_kinematics(motion.quats, motion.root_m)
+    return points - points[:, :1]
+
+
+def distance_m(teacher: Motion, learner: Motion) -> float:
+    """The mean distance of corresponding points, metres."""
+    return float(np.linalg.norm(points_m(teacher) - points_m(learner), axis=-1).mean())
 
 
 @pytest.fixture(scope="module")
