@@ -365,24 +365,11 @@ def _low_base(generator: np.random.Generator) -> Angles:
     return {c: v for c, v in base.items() if c.startswith("hips") or c.endswith(LEG_ANGLES)}
 
 
-FAMILIES: dict[str, tuple[float, Callable[[np.random.Generator], Angles]]] = {
-    "standing": (16.0, standing),
-    "free_arms": (13.0, free_arms),
-    "broad": (16.0, broad),
-    "dancing": (10.0, dancing),
-    "touching": (7.0, touching),
-    "crossed_arms": (7.0, crossed_arms),
-    "kick": (6.0, kick),
-    "squat": (4.0, squat),
-    "lunge": (4.0, lunge),
-    "bend_forward": (4.0, bend_forward),
-    "kneel": (4.0, kneel),
-    "sit": (5.0, sit),
-    "seat": (4.0, seat),
-    "lie": (2.5, lie),
-    "all_fours": (2.5, all_fours),
-    "handstand": (3.0, handstand),
-}
+_WEIGHTS: dict[Callable[[np.random.Generator], Angles], float] = {
+    standing: 16.0, free_arms: 13.0, broad: 16.0, dancing: 10.0, touching: 7.0, crossed_arms: 7.0, kick: 6.0, squat: 4.0,
+    lunge: 4.0, bend_forward: 4.0, kneel: 4.0, sit: 5.0, seat: 4.0, lie: 2.5, all_fours: 2.5, handstand: 3.0,
+}  # fmt: skip
+FAMILIES = {family.__name__: (weight, family) for family, weight in _WEIGHTS.items()}
 """Name to (relative weight, family)."""
 
 _JITTER_DEG = 2.5  # standard deviation of the noise added to every angle, so that no tabulated pose occurs twice

@@ -65,7 +65,7 @@ def _dance(generator: np.random.Generator, beats: float) -> Move:
     return concat(*parts)
 
 
-def _crossing(generator: np.random.Generator, beats: float) -> Script:
+def crossing(generator: np.random.Generator, beats: float) -> Script:
     """They change places, one before the other."""
     half_gap, half = uniform(generator, *CROSSING_GAP_M) / 2, uniform(generator, 0.65, 0.85)
     way = concat(_SPOT, LEFT, walk(2 * half), RIGHT)
@@ -73,7 +73,7 @@ def _crossing(generator: np.random.Generator, beats: float) -> Script:
     return (first, (-half, half_gap)), (second, (half, -half_gap))
 
 
-def _behind(generator: np.random.Generator, beats: float) -> Script:
+def behind(generator: np.random.Generator, beats: float) -> Script:
     """One dances, the other walks past behind and back."""
     half_gap, half = uniform(generator, *CROSSING_GAP_M) / 2, uniform(generator, 0.65, 0.85)
     way = concat(_SPOT, LEFT, walk(2 * half), RIGHT, _SPOT, RIGHT, walk(2 * half), LEFT)
@@ -81,7 +81,7 @@ def _behind(generator: np.random.Generator, beats: float) -> Script:
     return (_dance(generator, beats), (0.0, half_gap)), (passing, (-half, -half_gap))
 
 
-def _hug(generator: np.random.Generator, beats: float) -> Script:
+def hug(generator: np.random.Generator, beats: float) -> Script:
     """They walk up to each other, hug, and part."""
     half, close = uniform(generator, 0.75, 0.9), uniform(generator, *HUG_M) / 2
     embrace = upper(Key(2, _HUGGING), Key(4, _HUGGING), Key(2, arms("hang")))
@@ -90,14 +90,14 @@ def _hug(generator: np.random.Generator, beats: float) -> Script:
     return (first, (-half, 0.0)), (second, (half, 0.0))
 
 
-def _leaving(generator: np.random.Generator, beats: float) -> Script:
+def leaving(generator: np.random.Generator, beats: float) -> Script:
     """One dances, the other walks out of the image."""
     going = concat(_SPOT, _SPOT, LEFT, walk(uniform(generator, 1.9, 2.1)))
     depth_m = uniform(generator, -0.3, 0.3)
     return (_dance(generator, beats), (-0.45, 0.0)), (going, (0.4, depth_m))
 
 
-def _entering(generator: np.random.Generator, beats: float) -> Script:
+def entering(generator: np.random.Generator, beats: float) -> Script:
     """One dances, the other walks into the image and dances too."""
     way_m = uniform(generator, 1.8, 2.0)
     coming = concat(RIGHT, walk(way_m), LEFT)
@@ -106,18 +106,13 @@ def _entering(generator: np.random.Generator, beats: float) -> Script:
     return (_dance(generator, beats), (-0.5, 0.0)), (coming, (0.5 + way_m, depth_m))
 
 
-def _side_by_side(generator: np.random.Generator, beats: float) -> Script:
+def side_by_side(generator: np.random.Generator, beats: float) -> Script:
     half, depth_m = uniform(generator, 0.6, 0.75), uniform(generator, -0.3, 0.3)
     return (_dance(generator, beats), (-half, 0.0)), (_dance(generator, beats), (half, depth_m))
 
 
 SCRIPTS: dict[str, Callable[[np.random.Generator, float], Script]] = {
-    "crossing": _crossing,
-    "behind": _behind,
-    "hug": _hug,
-    "leaving": _leaving,
-    "entering": _entering,
-    "side_by_side": _side_by_side,
+    one.__name__: one for one in (crossing, behind, hug, leaving, entering, side_by_side)
 }
 """Kind of duet to a function that draws the two parts, of at least as many beats as given or with a last shape to hold."""
 

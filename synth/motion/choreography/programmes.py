@@ -41,20 +41,20 @@ def start_pose(generator: np.random.Generator, fps: float) -> Motion:
     return cut(perform(move, 60.0, last, fps, "y_pose", style), first, last)
 
 
-def _crossed_punches(generator: np.random.Generator) -> Move:
+def crossed_punches(generator: np.random.Generator) -> Move:
     punches = [UPPER[name] for name in ("crossed_punches", "cross_and_open", "punches_front", "fold_arms")]
     one, other = choose(generator, punches[:2]), choose(generator, punches)
     return together(choose(generator, _GROOVES), concat(filled(one, COUNTS / 2), filled(other, COUNTS / 2)))
 
 
-def _kicks(generator: np.random.Generator) -> Move:
+def kicks(generator: np.random.Generator) -> Move:
     if generator.random() < 0.3:
         return choose(generator, (WHOLE["kick_and_punch"], WHOLE["fan_kick"]))
     legs = LOWER[choose(generator, ("front_kicks", "high_kicks", "side_kicks", "knee_lifts"))]
     return together(legs, choose(generator, (UPPER["guard_bob"], UPPER["hanging"], both_sides(UPPER["punches_front"]))))
 
 
-def _turns(generator: np.random.Generator) -> Move:
+def turns(generator: np.random.Generator) -> Move:
     upper = UPPER[choose(generator, ("hanging", "windmill", "frame_slide", "point_front", "swim"))]
     if generator.random() < 0.4:
         groove = together(filled(choose(generator, _GROOVES), COUNTS), filled(upper, COUNTS))
@@ -63,16 +63,16 @@ def _turns(generator: np.random.Generator) -> Move:
     return together(legs, filled(upper, COUNTS / 2))
 
 
-def _sitting(generator: np.random.Generator) -> Move:
+def sitting(generator: np.random.Generator) -> Move:
     return concat(WHOLE["sit_and_rise"], filled(_STEP, -WHOLE["sit_and_rise"].beats % COUNTS))
 
 
-def _arms_only(generator: np.random.Generator) -> Move:
+def arms_only(generator: np.random.Generator) -> Move:
     """Arm moves with feet that do not move."""
     return filled(UPPER[choose(generator, tuple(UPPER))], COUNTS / 2)
 
 
-def _steps(generator: np.random.Generator) -> Move:
+def steps(generator: np.random.Generator) -> Move:
     return together(filled(choose(generator, _GROOVES), COUNTS), filled(UPPER[choose(generator, tuple(UPPER))], COUNTS))
 
 
@@ -95,21 +95,18 @@ _SWINGS = (
 )
 
 
-def _swings(generator: np.random.Generator) -> Move:
+def swings(generator: np.random.Generator) -> Move:
     """Swings as with a racket or a bat, with steps."""
     swing = choose(generator, _SWINGS)
     return together(LOWER[choose(generator, ("bounce", "lunges", "taps_front"))], filled(swing, COUNTS / 2))
 
 
 FEATURES: dict[str, Callable[[np.random.Generator], Move]] = {
-    "crossed_punches": _crossed_punches,
-    "kicks": _kicks,
-    "turns": _turns,
-    "sitting": _sitting,
+    one.__name__: one for one in (crossed_punches, kicks, turns, sitting)
 }
 """Kind of motion to a function that draws a move of this kind. A mixture draws from these kinds."""
 
-DRILLS: dict[str, Callable[[np.random.Generator], Move]] = FEATURES | {"arms": _arms_only, "steps": _steps, "swings": _swings}
+DRILLS = FEATURES | {"arms": arms_only, "steps": steps, "swings": swings}
 """The kinds of `drill`."""
 
 
@@ -121,8 +118,8 @@ def show(generator: np.random.Generator, kind: str, seconds: float, fps: float) 
     """
     bpm, style, amplitude = uniform(generator, *BPM), draw_style(generator), uniform(generator, 0.8, 1.1)
     if kind == "handstand":
-        steps = turning(filled(_STEP, COUNTS / 2), choose(generator, (0.0, 0.0, -1.0, 1.0)) * uniform(generator, 50.0, 100.0))
-        opening = _to_the_end(steps, bpm, fps, "steps", style)
+        turned = turning(filled(_STEP, COUNTS / 2), choose(generator, (0.0, 0.0, -1.0, 1.0)) * uniform(generator, 50.0, 100.0))
+        opening = _to_the_end(turned, bpm, fps, "steps", style)
         opening = follow(opening, handstand(generator, uniform(generator, 6.0, 7.5), fps))
         rest_s = seconds - len(opening) / fps
         return follow(opening, show(generator, "dance", rest_s, fps)) if rest_s > 0 else opening
