@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.errors import InputError
+from kpopnet.errors import check_between
 from kpopnet.estimator import complete_joints
 from kpopnet.runtime.input_files import read_json, settings_from
 from kpopnet.skeleton import PAPER_JOINTS, Joint
@@ -74,9 +74,7 @@ class HumanModel:
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():
-            minimum, expected = (-1, "a cosine") if name == "arms_raised" else (0, "metres or radians from 0 to pi")
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not minimum <= value < np.pi:
-                raise InputError(f"human model: {name}={value}: expected {expected}")
+            check_between(f"human model: {name}", value, -1 if name == "arms_raised" else 0, np.pi)
 
     @property
     def limb_m(self) -> dict[Joint, float]:
