@@ -64,16 +64,9 @@ def make_gltf(folder: Path) -> None:
     write_gltf(folder / "c.vrma", still(3), humanoid="VRMC_vrm_animation")
 
 
-def make_vmd(folder: Path) -> None:
-    bones = {
-        name: [(0, (0, 0, 0), (0, 0, 0, 1)), (5, (0, 0, 0), (0, 0, 0, 1))] for name in ("左腕", "右腕", "左足ＩＫ", "センター")
-    }
-    write_vmd(folder / "a.vmd", bones, switches=[(3, "左足ＩＫ", False)])
-
-
 def make_joint_map(folder: Path) -> None:
     np.save(folder / "a.npy", joints(5))
-    write_json(folder, {joint.name.lower(): [int(joint)] for joint in Joint if joint != Joint.TORSO}, "map.json")
+    write_json(folder / "map.json", {joint.name.lower(): [int(joint)] for joint in Joint if joint != Joint.TORSO})
 
 
 def read_mapped(folder: Path) -> list[np.ndarray]:
@@ -102,29 +95,16 @@ def read_recording(folder: Path) -> list[np.ndarray]:
 
 
 def make_tum(folder: Path) -> None:
-    (write_tum(folder, depth_mm(2)) / "camera.json").write_text(json.dumps(vars(DEPTH_CAMERA)))
+    write_json(write_tum(folder, depth_mm(2)) / "camera.json", vars(DEPTH_CAMERA))
 
 
-def make_azure_json(folder: Path) -> None:
-    bodies = [[{"body_id": 1, "joint_positions": (1000 * frame).tolist()}] for frame in coco()[:3]]
-    frames = [{"timestamp_usec": 33_333 * k, "bodies": body} for k, body in enumerate(bodies)]
-    write_json(folder, {"joint_names": COCO_NAMES, "frames": frames})
+def write_json(path: Path, content: object) -> None:
+    path.write_text(json.dumps(content))
 
 
-def write_json(folder: Path, content: object, name: str = "a.json") -> None:
-    (folder / name).write_text(json.dumps(content))
-
-
-def as_npz(**arrays) -> Callable[[Path], None]:
-    return lambda folder: np.savez(folder / "a.npz", **arrays)
-
-
-def as_json(content: object) -> Callable[[Path], None]:
-    return lambda folder: write_json(folder, content)
-
-
-def as_bag(*given) -> Callable[[Path], object]:
-    return lambda folder: write_ros(folder / given[0], depth_mm(3), *given[1:])
+def by(write: Callable, name: str, *given, **options) -> Callable[[Path], object]:
+    """Writes one file of this name; with no name, into the folder."""
+    return lambda folder: write(folder / name, *given, **options)
 
 
 CAMERA = {"fx": 570, "fy": 570, "cx": 320, "cy": 240, "width": 640, "height": 480}
@@ -163,7 +143,7 @@ def make_dances(folder: Path) -> None:
     write_learner(folder / "mama", "jin", np.arange(5) / 30, joints(5), recording, {"level": "best"})
     write_learner(folder / "mama", "ann", np.arange(5) / 30, joints(5))
     write_labels(folder / "mama", ["jin", "ann"])
-    write_json(folder, {"simulated": True, "name": "a", "about": "b", "dances": 1, "hash": "c"}, "manifest.json")
+    write_json(folder / "manifest.json", {"simulated": True, "name": "a", "about": "b", "dances": 1, "hash": "c"})
 
 
 def read_dances(folder: Path) -> list[np.ndarray]:
@@ -192,10 +172,10 @@ def read_taught(folder: Path) -> list[np.ndarray]:
 
 def make_names(folder: Path) -> None:
     """The names of a dance and a try, as a request of the page gives them; the try, and one of that name elsewhere."""
-    write_json(folder, {"dance": "own_001", "name": TRY}, "names.json")
+    write_json(folder / "names.json", {"dance": "own_001", "name": TRY})
     for place, total in ((folder.parent / "tries" / "own_001", 80.0), (folder.parent / "outside", SECRET)):
         place.mkdir(parents=True, exist_ok=True)
-        write_json(place, {"total": total}, f"{TRY}.json")
+        write_json(place / f"{TRY}.json", {"total": total})
 
 
 def read_names(folder: Path) -> list[np.ndarray]:
@@ -228,48 +208,58 @@ def read_deed(folder: Path) -> list[np.ndarray]:
 
 
 DANCE = Performance(joints(5), np.arange(5) / 30)
+AZURE_FRAMES = [
+    {"timestamp_usec": 33_333 * k, "bodies": [{"body_id": 1, "joint_positions": (1000 * frame).tolist()}]}
+    for k, frame in enumerate(coco()[:3])
+]
+KEYS = [(frame, (0, 0, 0), (0, 0, 0, 1)) for frame in (0, 5)]
+BONES = dict.fromkeys(("左腕", "右腕", "左足ＩＫ", "センター"), KEYS)
 TRY = "20260101-120000-000"
 
 FORMATS = {
-    "bvh": Format(lambda folder: write_bvh(folder / "a.bvh", still(40)), read_dance),
+    "bvh": Format(by(write_bvh, "a.bvh", still(40)), read_dance),
     "gltf": Format(make_gltf, read_dance),
-    "vmd": Format(make_vmd, read_dance),
-    "c3d": Format(lambda folder: write_c3d(folder / "a.c3d", 1000 * coco()[:5], COCO_NAMES), read_dance),
-    "trc": Format(lambda folder: write_trc(folder / "a.trc", 1000 * coco()[:5], COCO_NAMES), read_dance),
+    "vmd": Format(by(write_vmd, "a.vmd", BONES, switches=[(3, "左足ＩＫ", False)]), read_dance),
+    "c3d": Format(by(write_c3d, "a.c3d", 1000 * coco()[:5], COCO_NAMES), read_dance),
+    "trc": Format(by(write_trc, "a.trc", 1000 * coco()[:5], COCO_NAMES), read_dance),
     "joint_map": Format(make_joint_map, read_mapped),
-    "joints_npz": Format(lambda folder: write_performance(folder / "a.npz", DANCE), read_dance),
-    "amass_npz": Format(as_npz(poses=np.zeros((5, 72)), trans=np.zeros((5, 3)), mocap_framerate=30.0), read_dance),
-    "points_npz": Format(
-        as_npz(points=coco(), names=np.array(COCO_NAMES), fps=30.0, confidence=np.ones((FRAMES, 17))), read_dance
+    "joints_npz": Format(by(write_performance, "a.npz", DANCE), read_dance),
+    "amass_npz": Format(
+        by(np.savez, "a.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)), mocap_framerate=30.0), read_dance
     ),
-    "named_json": Format(lambda folder: write_performance(folder / "a.json", DANCE), read_dance),
-    "azure_json": Format(make_azure_json, read_dance),
-    "joints_csv": Format(lambda folder: write_performance(folder / "a.csv", DANCE), read_dance),
-    "camera": Format(as_json(CAMERA), read_a_camera),
-    "realsense_camera": Format(as_json({"depth_intrinsics": REALSENSE}), read_a_camera),
-    "azure_camera": Format(as_json({"CalibrationInformation": AZURE}), read_a_camera),
-    "depth_png": Format(lambda folder: write_pngs(folder, depth_mm(2)), read_depth),
-    "depth_tif": Format(lambda folder: write_pngs(folder, depth_mm(2), ".tif"), read_depth),
-    "depth_npz": Format(lambda folder: write_npz(folder / "a.npz", depth_mm(3), fps=25.0), read_depth),
-    "depth_npy": Format(lambda folder: np.save(folder / "a.npy", depth_mm(3)), read_depth),
-    "depth_hdf5": Format(lambda folder: write_hdf5(folder / "a.h5", depth_mm(6), chunk=2), read_depth),
-    "depth_video": Format(lambda folder: write_video(folder / "a.mkv", depth_mm(3)), read_depth),
-    "depth_sent": Format(lambda folder: write_sent(folder / "a.depth", depth_mm(3)), read_depth),
-    "azure_recording": Format(lambda folder: write_azure_kinect(folder / "a.mkv", AZURE_MM, ("IR", "DEPTH")), read_recording),
-    "ros1_bag": Format(as_bag("a.bag"), read_recording),
-    "ros1_compressed": Format(as_bag("a.bag", {f"{TOPIC}/compressedDepth": "32FC1; compressedDepth png"}), read_recording),
-    "ros2_db3": Format(as_bag("a.db3"), read_recording),
-    "ros2_mcap": Format(as_bag("a.mcap"), read_recording),
-    "stray_scanner": Format(lambda folder: write_stray(folder, depth_mm(2)), read_recording),
-    "record3d": Format(lambda folder: write_record3d(folder / "a.r3d", depth_mm(2)), read_recording),
+    "points_npz": Format(
+        by(np.savez, "a.npz", points=coco(), names=np.array(COCO_NAMES), fps=30.0, confidence=np.ones((FRAMES, 17))), read_dance
+    ),
+    "named_json": Format(by(write_performance, "a.json", DANCE), read_dance),
+    "azure_json": Format(by(write_json, "a.json", {"joint_names": COCO_NAMES, "frames": AZURE_FRAMES}), read_dance),
+    "joints_csv": Format(by(write_performance, "a.csv", DANCE), read_dance),
+    "camera": Format(by(write_json, "a.json", CAMERA), read_a_camera),
+    "realsense_camera": Format(by(write_json, "a.json", {"depth_intrinsics": REALSENSE}), read_a_camera),
+    "azure_camera": Format(by(write_json, "a.json", {"CalibrationInformation": AZURE}), read_a_camera),
+    "depth_png": Format(by(write_pngs, "", depth_mm(2)), read_depth),
+    "depth_tif": Format(by(write_pngs, "", depth_mm(2), ".tif"), read_depth),
+    "depth_npz": Format(by(write_npz, "a.npz", depth_mm(3), fps=25.0), read_depth),
+    "depth_npy": Format(by(np.save, "a.npy", depth_mm(3)), read_depth),
+    "depth_hdf5": Format(by(write_hdf5, "a.h5", depth_mm(6), chunk=2), read_depth),
+    "depth_video": Format(by(write_video, "a.mkv", depth_mm(3)), read_depth),
+    "depth_sent": Format(by(write_sent, "a.depth", depth_mm(3)), read_depth),
+    "azure_recording": Format(by(write_azure_kinect, "a.mkv", AZURE_MM, ("IR", "DEPTH")), read_recording),
+    "ros1_bag": Format(by(write_ros, "a.bag", depth_mm(3)), read_recording),
+    "ros1_compressed": Format(
+        by(write_ros, "a.bag", depth_mm(3), {f"{TOPIC}/compressedDepth": "32FC1; compressedDepth png"}), read_recording
+    ),
+    "ros2_db3": Format(by(write_ros, "a.db3", depth_mm(3)), read_recording),
+    "ros2_mcap": Format(by(write_ros, "a.mcap", depth_mm(3)), read_recording),
+    "stray_scanner": Format(by(write_stray, "", depth_mm(2)), read_recording),
+    "record3d": Format(by(write_record3d, "a.r3d", depth_mm(2)), read_recording),
     "tum": Format(make_tum, read_recording),
-    "scannet": Format(lambda folder: write_scannet(folder, depth_mm(2)), read_recording),
+    "scannet": Format(by(write_scannet, "", depth_mm(2)), read_recording),
     "shards": Format(make_set, read_set, is_own=True),
     "kpop_set": Format(make_dances, read_dances, is_own=True),
     "library": Format(make_taught, read_taught),
     "names": Format(make_names, read_names, every=5),
     "checkpoint": Format(make_checkpoint, read_checkpoint),
-    "child": Format(lambda folder: write_json(folder, {"do": "answer"}, "deed.json"), read_deed, every=50),
+    "child": Format(by(write_json, "deed.json", {"do": "answer"}), read_deed, every=50),
 }
 """What strangers send, to `scannet`; then what lies on one's own disk, or comes as a request. `child` is no format: its
 files say what a parser does to the process that reads for us (`fuzz.hostile.perform`)."""

@@ -5,7 +5,7 @@ import pytest
 from extraction_scenes import CAMERA, noisy
 
 from kpopnet.camera import CAMERAS, Camera
-from kpopnet.paper_extraction.floor import find_floor, remove_floor
+from kpopnet.paper_extraction.floor import find_floor
 
 DELTA_F_M = 0.03
 
@@ -67,13 +67,3 @@ def test_a_few_wrong_measurements_below_the_floor_do_not_move_it():
 def test_a_wall_or_nothing_is_no_floor(depth_m):
     assert find_floor(noisy(depth_m, 0), CAMERA, DELTA_F_M, None) is None
     assert find_floor(depth_m, CAMERA, DELTA_F_M, None) is None
-
-
-def test_what_is_less_than_delta_f_above_the_floor_is_removed():
-    true = plane(12, 5, 1.3)
-    depth_m = floor_and_wall(true, CAMERA)
-    height_m = CAMERA.points(depth_m) @ true[:3] + true[3]
-    removed = remove_floor(depth_m, CAMERA, true, DELTA_F_M)
-    clear = np.abs(height_m - DELTA_F_M) > 1e-5
-    assert np.array_equal(removed[clear], np.where(height_m > DELTA_F_M, depth_m, 0)[clear])
-    assert 0.2 < (removed == 0).mean() < 0.8
