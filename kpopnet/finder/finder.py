@@ -19,7 +19,7 @@ from kpopnet.finder.people import (
     certainty_together,
     gather_people,
     pixel_owners,
-)  # fmt: skip
+)
 from kpopnet.human import Human, Looker
 from kpopnet.networks.backend import filters, onnx_session
 from kpopnet.weights import shipped

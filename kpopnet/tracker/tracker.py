@@ -147,15 +147,15 @@ class Tracker:
 
         expected_m = last.joints_m + VELOCITY_DAMPING * np.clip(last.step_m, -MAX_STEP_M, MAX_STEP_M)
         candidates = [expected_m, last.joints_m, *swap_crossed_limbs(last.joints_m)]
+        # The last pose is old, but a start alone finds fewer joints: few are upright (docs/ledger.md, A camera that stalls).
+        if stalled and (found := find_start(depth_m, grid, self.camera, self.ways, self.detector)) is not None:
+            candidates += [fit(one, grid, body, START_ITERATIONS) for one in (found[0], found[0][MIRROR])]
         if np.linalg.norm(moved_m) > MAX_ASSOCIATION_M:
             # Out of reach of the last pose: who was hidden comes back elsewhere, or images are missing. A mask that covers two
             # people for a moment has another median too, but no pose explains it.
             there_m = fit(last.joints_m + moved_m, grid, body, FINAL_ITERATIONS)
             if pose_cost(there_m, grid, body) < MAX_BASELINE_RATIO * last.baseline_cost_m2:
                 candidates.append(there_m)
-        # The last pose is old, but a start alone finds fewer joints: few are upright (docs/ledger.md, A camera that stalls).
-        if stalled and (found := find_start(depth_m, grid, self.camera, self.ways, self.detector)) is not None:
-            candidates += [fit(one, grid, body, START_ITERATIONS) for one in (found[0], found[0][MIRROR])]
         fitted_m = _best_fit(candidates, expected_m, grid, body, stride)
         joints_m, _ = refit_limbs(fitted_m, last.joints_m, grid, body, stride)
         self.state = self._next_state(fit(joints_m, grid, body, FINAL_ITERATIONS), depth_m, grid)
@@ -194,7 +194,11 @@ class Tracker:
         baseline_m2, evidence = last.baseline_cost_m2, last.flip_evidence
         if cost_m2 < MAX_BASELINE_RATIO * baseline_m2:
             baseline_m2 += BASELINE_RATE * (cost_m2 - baseline_m2)
-        detected_m = self._detected(depth_m, grid) if self.detector is not None and cost_m2 > baseline_m2 else None
+        detected_m = None
+        if self.detector is not None and cost_m2 > baseline_m2:
+            found_m = self.detector.estimate(depth_m[None], self.camera).joints_camera_m[0]
+            if np.isfinite(found_m).all():
+                detected_m = fit(found_m, grid, self.body, FINAL_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
         if detected_m is not None and pose_cost(detected_m, grid, self.body) < ACCEPT_DETECTED * cost_m2:
             joints_m, evidence = detected_m, 0.0
         elif self._person.frames % FLIP_STRIDE == 0 and torso_frame(joints_m)[1, 1] >= FLIP_UPRIGHT:
@@ -204,13 +208,6 @@ class Tracker:
             if evidence > FLIP_THRESHOLD:
                 joints_m, evidence = mirrored_m, 0.0
         return State(joints_m, last.middle_m, joints_m - last.joints_m, _visible_px(grid), baseline_m2, evidence)
-
-    def _detected(self, depth_m: np.ndarray, grid: DepthGrid) -> np.ndarray | None:
-        """(15, 3) the detector's pose, fitted; None with missing joints."""
-        joints_m = self.detector.estimate(depth_m[None], self.camera).joints_camera_m[0]
-        if not np.isfinite(joints_m).all():
-            return None
-        return fit(joints_m, grid, self.body, FINAL_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
 
 
 def _visible_px(grid: DepthGrid) -> float:
