@@ -84,7 +84,7 @@ class Watch:
                 self.order("watched", False)
 
 
-class Onlooker(Page):
+class WatchPage(Page):
     """A page, and what it has yet to see."""
 
     refusal = "said"
@@ -109,5 +109,5 @@ def make_watch_app(watching: Watching, hosts: tuple[str, ...], keys: Keys | None
     """The server's application; `hosts` and `keys` as in `safety.guard`. docs/live.md lists the messages of pages."""
     app, watch = page_app("watch.html", hosts, keys, MAX_MESSAGE_BYTES), Watch(watching)
     app.cleanup_ctx.append(watch.running)
-    add_pages(app, partial(Onlooker, watch=watch), MAX_MESSAGE_BYTES)
+    add_pages(app, partial(WatchPage, watch=watch), MAX_MESSAGE_BYTES)
     return app

@@ -177,21 +177,15 @@ class Library:
         """Reads a dance. Raises InputError if it is missing or damaged."""
         path = self.path(identity)
         stored = read_npz(path, _DANCE_SCHEMAS)
-        expect(bool(len(stored["hips_m"])), str(path), "at least one frame")
-        expect(1 <= float(stored["fps"]) <= 1000, f"{path}: fps", "1 to 1000 frames per second")
-        others = [stored.get(f"others_{name}", ()) for name in _MOVED]
-        expect(len({len(one) for one in others}) == 1, str(path), "joints_m, quats and hips_m of all others")
         about, fps = _about(stored["about"], path), float(stored["fps"])
-        first = self._dancer(about, fps, *(stored[name] for name in _MOVED), path)
-        return replace(first, others=tuple(self._dancer(about, fps, *one, path) for one in zip(*others, strict=True)))
-
-    @staticmethod
-    def _dancer(
-        about: About, fps: float, joints_m: np.ndarray, quats: np.ndarray, hips_m: np.ndarray, path: Path
-    ) -> TaughtDance:
-        expect(bool((np.abs(hips_m) < MAX_PLACE_M).all()), f"{path}: hips_m", "finite numbers of metres")
-        expect(not (np.abs(joints_m) >= MAX_PLACE_M).any(), f"{path}: joints_m", "metres, or NaN")
-        return TaughtDance(about, fps, joints_m, quats.astype(np.float32) / QUAT_SCALE, hips_m)
+        joints_m, quats, hips_m = ([stored[name], *stored.get(f"others_{name}", ())] for name in _MOVED)
+        whole = len(hips_m[0]) > 0 and 1 <= fps <= 1000 and len(joints_m) == len(quats) == len(hips_m)
+        expect(whole, str(path), "frames, 1 to 1000 of them a second, and joints_m, quats and hips_m of each dancer")
+        expect(all((np.abs(one) < MAX_PLACE_M).all() for one in hips_m), f"{path}: hips_m", "finite numbers of metres")
+        expect(not any((np.abs(one) >= MAX_PLACE_M).any() for one in joints_m), f"{path}: joints_m", "metres, or NaN")
+        quats = (one.astype(np.float32) / QUAT_SCALE for one in quats)
+        first, *others = (TaughtDance(about, fps, *one) for one in zip(joints_m, quats, hips_m, strict=True))
+        return replace(first, others=tuple(others))
 
     def add(self, dance: TaughtDance) -> str:
         """Writes a dance of the user's own, and returns its identity."""

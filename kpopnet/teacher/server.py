@@ -77,7 +77,7 @@ def make_app(teaching: Teaching, hosts: tuple[str, ...], keys: Keys | None = Non
     if ready:
         app.on_startup.append(make_ready)
     app.on_shutdown.append(end_films)
-    add_pages(app, partial(PageLessons, teaching=teaching, processes=processes), MAX_MESSAGE_BYTES)
+    add_pages(app, partial(LessonPage, teaching=teaching, processes=processes), MAX_MESSAGE_BYTES)
     app.on_shutdown.append(end_processes)
     return app
 
@@ -270,7 +270,7 @@ def _learners_movement(teaching: Teaching, dance: str, name: str) -> Movement:
     return learners_movement(learner, teaching.library.dance(dance).fps, teaching.library.body)
 
 
-class PageLessons(Page):
+class LessonPage(Page):
     """The lessons of one page, one after another: its messages (docs/teaching.md) go to a process, and the process's to it."""
 
     def __init__(self, socket: web.WebSocketResponse, teaching: Teaching, processes: LessonProcesses) -> None:

@@ -8,7 +8,7 @@ from kpopnet.languages import Said
 from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.loop import serve_lessons
-from kpopnet.teacher.live.webcam import Seen
+from kpopnet.teacher.live.webcam import SeenPicture
 from kpopnet.teacher.pages import Process
 
 MOST = 2
@@ -31,7 +31,7 @@ class LessonProcess(Process):
         self.clear()
         self.send("prepare", self._number, lesson, dance)
 
-    def see(self, seen: Seen) -> None:
+    def see(self, seen: SeenPicture) -> None:
         """Passes on what a webcam saw; drops it where the process is busy, as while it compiles."""
         if self._unsent.empty():
             self.send("see", seen)

@@ -27,26 +27,26 @@ NO_DEPTH_M = np.zeros((CAMERA.height // 160, CAMERA.width // 160), np.float32)
 """What a page is sent for the picture, which it has itself."""
 
 
-class Seen(NamedTuple):
+class SeenPicture(NamedTuple):
     """What the page saw in one picture: a person or no person, and when it was taken, seconds of `time.monotonic`."""
 
     person: Landmarks | None
     taken: float
 
 
-def read_seen(message: Any) -> Seen:
+def read_seen(message: Any) -> SeenPicture:
     """Reads a message of `page/webcam.js` that arrives now; raises InputError for any other."""
     where = "the webcam's points"
     check_fields(where, message, {"points": list, "age_ms": float})
     expect(0 <= message["age_ms"] < 60_000, where, "age_ms of 0 to 60000")
     taken = time.monotonic() - message["age_ms"] / 1000
     if not message["points"]:
-        return Seen(None, taken)
+        return SeenPicture(None, taken)
     expect(len(message["points"]) == len(MEDIAPIPE_NAMES), where, f"{len(MEDIAPIPE_NAMES)} points")
     points = np.array([numbers_in(point, (6,), where) for point in message["points"]])
     expect(bool((np.abs(points) < 100).all()), where, "numbers below 100")
     image_px = points[:, 3:5] * [CAMERA.width, CAMERA.height] - 0.5
-    return Seen(Landmarks(points[:, :3], image_px, np.clip(points[:, 5], 0, 1)), taken)
+    return SeenPicture(Landmarks(points[:, :3], image_px, np.clip(points[:, 5], 0, 1)), taken)
 
 
 class WebcamCamera:
@@ -55,10 +55,10 @@ class WebcamCamera:
     camera = CAMERA
 
     def __init__(self) -> None:
-        self._seen: queue.SimpleQueue[Seen] = queue.SimpleQueue()
+        self._seen: queue.SimpleQueue[SeenPicture] = queue.SimpleQueue()
         self.keep = self._seen.put  # takes what the page saw
 
-    def read(self) -> Seen:
+    def read(self) -> SeenPicture:
         """See `LiveCamera.read`."""
         try:
             return self._seen.get(timeout=SILENCE_S)

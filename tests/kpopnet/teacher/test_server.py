@@ -28,7 +28,7 @@ from kpopnet.errors import InputError  # noqa: E402
 from kpopnet.skeleton import Joint  # noqa: E402
 from kpopnet.teacher.pages import MOST_PAGES  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
-from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, PageLessons  # noqa: E402
+from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, LessonPage  # noqa: E402
 
 ASSETS = Path(__file__).parents[2] / "assets"
 
@@ -314,7 +314,7 @@ async def test_no_random_request_is_an_error_of_the_server(client, teaching, tri
 @pytest.fixture
 def told(teaching):
     """What a page is told of a lesson's last message, after these."""
-    lessons = PageLessons(Mock(), teaching, Mock())
+    lessons = LessonPage(Mock(), teaching, Mock())
 
     async def last(messages: tuple) -> dict:
         return [await lessons.told(*message) for message in messages][-1]
