@@ -81,11 +81,9 @@ class Watcher:
             self._opened.close()  # last: it may wait for the camera
 
     def _warm(self) -> bool:
-        """Handles each image in turn until joints come in real time or it is paused.
+        """Handles each image in turn until joints come in real time or it is paused; a recording waits for this.
 
         False at the end of a recording, or where the user quits.
-
-        A recording waits for this.
         """
         steady, began, compiled = 0, time.monotonic(), False
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_S:

@@ -21,7 +21,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose
 from kpopnet.rotations import conjugate, multiply
-from kpopnet.skeleton import JOINT_NAMES, Joint
+from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS, Joint
 
 
 class Seen(NamedTuple):
@@ -55,7 +55,7 @@ FORGOTTEN_S = 5.0
 def open_stream(kind: str | None, port: int | None = None) -> Iterator[Stream | None]:
     """A stream of a kind in STREAMS; OSC goes to a UDP port of this machine, VMC to it and those that follow; None: none."""
     if kind not in PORTS:
-        yield {None: lambda: None, "json": lambda: _write_json, "csv": _csv_writer}[kind]()
+        yield {None: None, "json": _write_json, "csv": _write_csv}[kind]
         return
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
 
@@ -64,7 +64,7 @@ def open_stream(kind: str | None, port: int | None = None) -> Iterator[Stream | 
             with contextlib.suppress(ConnectionRefusedError, OverflowError):
                 udp.sendto(packet, (LOOPBACK, (port or PORTS[kind]) + number))
 
-        yield _osc_sender(send) if kind == "osc" else VmcPerformers(send).send
+        yield (_osc_sender if kind == "osc" else _vmc_sender)(send)
 
 
 def _one(seen: Seen, person: PersonPose) -> Performance:
@@ -78,19 +78,14 @@ def _write_json(seen: Seen) -> None:
     print(json.dumps(head | {"people": people}, allow_nan=False), flush=True)
 
 
-def _csv_writer() -> Stream:
+def _write_csv(seen: Seen) -> None:
     """A header with the first image, then a line for every person in each image; an image without people has none."""
     rows = csv.writer(sys.stdout, lineterminator="\n")
-    header = [("image", "identity", "delay_ms", *CSV_COLUMNS)]
-
-    def write(seen: Seen) -> None:
-        while header:
-            rows.writerow(header.pop())
-        for one in seen.people:
-            rows.writerow([seen.number, one.identity, round(seen.delay_ms, 1), *next(csv_rows(_one(seen, one)))])
-        sys.stdout.flush()
-
-    return write
+    if seen.number == 0:
+        rows.writerow(("image", "identity", "delay_ms", *CSV_COLUMNS))
+    for one in seen.people:
+        rows.writerow([seen.number, one.identity, round(seen.delay_ms, 1), *next(csv_rows(_one(seen, one)))])
+    sys.stdout.flush()
 
 
 # --- Open Sound Control
@@ -143,33 +138,15 @@ BONES = {
 """Bones of `skeleton` to Unity's HumanBodyBones. In both rest poses the arms are stretched sideways, the legs down."""
 
 
-class VmcPerformers:
-    """Sends every person as bone rotations. The protocol knows one performer a port: each gets one of its own."""
+class Performer:
+    """One person as bone rotations."""
 
-    def __init__(self, send: Callable[[bytes, int], None]) -> None:
-        """`send` sends a packet to the performer of a number, from 0."""
-        self._send = send
-        self._numbers: dict[int, int] = {}
-        self._seen_s: dict[int, float] = {}
-        self._last_m: dict[int, np.ndarray] = {}
-        self._origins_cm: dict[int, np.ndarray] = {}
+    def __init__(self, number: int) -> None:
+        self.number, self.seen_s = number, 0.0  # of the port, from 0; time when they were seen last
+        self._last_m = np.full((NUM_JOINTS, 3), np.nan)
+        self._origin_cm: np.ndarray | None = None
 
-    def send(self, seen: Seen) -> None:
-        """Sends the bones of all people in view whose joints have all been seen."""
-        for identity in [one for one, time_s in self._seen_s.items() if seen.time_s - time_s > FORGOTTEN_S]:
-            for known in (self._numbers, self._seen_s, self._last_m, self._origins_cm):
-                known.pop(identity, None)
-        for person in seen.people:
-            free = (number for number in range(len(self._numbers) + 1) if number not in self._numbers.values())
-            number = self._numbers.setdefault(person.identity, next(free))
-            self._seen_s[person.identity] = seen.time_s
-            bones = list(self._bones(person))
-            if bones:
-                root = message("/VMC/Ext/Root/Pos", "root", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-                told = [message("/VMC/Ext/OK", 1), message("/VMC/Ext/T", float(seen.time_s)), root, *bones]
-                self._send(bundle(told), number)
-
-    def _bones(self, person: PersonPose) -> Iterator[bytes]:
+    def bones(self, person: PersonPose) -> Iterator[bytes]:
         """The messages of the bones, none while a joint has never been seen.
 
         The hips stand as high as they are above the lower foot, and are where they were first seen at first.
@@ -182,7 +159,8 @@ class VmcPerformers:
             bones, root_cm = skeleton(points_cm[None])
         except InputError:  # joints that lie in one point have no direction
             return
-        hips_cm = root_cm[0] - self._origins_cm.setdefault(person.identity, root_cm[0])
+        self._origin_cm = root_cm[0] if self._origin_cm is None else self._origin_cm
+        hips_cm = root_cm[0] - self._origin_cm
         hips_cm[1] = root_cm[0, 1] - points_cm[[Joint.LEFT_FOOT, Joint.RIGHT_FOOT], 1].min()
         for name, bone in bones.items():
             turned = multiply(conjugate(bones[bone.parent].world), bone.world) if bone.parent else bone.world
@@ -195,9 +173,30 @@ class VmcPerformers:
     def _without_gaps(self, person: PersonPose) -> np.ndarray:
         """(15, 3) joints; one that is missing stays where it was last, relative to the torso."""
         joints_m = person.joints_camera_m.astype(float)
-        last_m = self._last_m.get(person.identity, np.full_like(joints_m, np.nan))
-        held_m = last_m - last_m[Joint.TORSO] + joints_m[Joint.TORSO]
+        held_m = self._last_m - self._last_m[Joint.TORSO] + joints_m[Joint.TORSO]
         joints_m = np.where(np.isfinite(joints_m), joints_m, held_m)
         if np.isfinite(joints_m[Joint.TORSO]).all():
-            self._last_m[person.identity] = joints_m
+            self._last_m = joints_m
         return joints_m
+
+
+def _vmc_sender(send: Callable[[bytes, int], None]) -> Stream:
+    """Of each image the bones of all people in view whose joints have all been seen.
+
+    The protocol knows one performer a port: each person gets one, the first that is free.
+    """
+    known: dict[int, Performer] = {}
+
+    def stream(seen: Seen) -> None:
+        for identity in [identity for identity, one in known.items() if seen.time_s - one.seen_s > FORGOTTEN_S]:
+            del known[identity]
+        for person in seen.people:
+            taken = {one.number for one in known.values()}
+            performer = known.setdefault(person.identity, Performer(min(set(range(len(taken) + 1)) - taken)))
+            performer.seen_s = seen.time_s
+            if bones := list(performer.bones(person)):
+                root = message("/VMC/Ext/Root/Pos", "root", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+                told = [message("/VMC/Ext/OK", 1), message("/VMC/Ext/T", float(seen.time_s)), root, *bones]
+                send(bundle(told), performer.number)
+
+    return stream

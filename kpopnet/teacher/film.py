@@ -146,7 +146,7 @@ class Filming:
     """Makes the films of tries."""
 
     def __init__(self, library: Library, tries: Tries) -> None:
-        self._library, self._tries = library, tries
+        self._library, self._tries = library, Tries(tries.folder)  # what it knows of tries need not travel to the process
         self._one, self._ended = asyncio.Lock(), False
 
     async def make(self, dance: str, name: str) -> AsyncGenerator[float]:

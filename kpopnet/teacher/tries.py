@@ -43,9 +43,6 @@ class Tries:
         self.folder = Path(folder)
         self._known: dict[str, dict[str, tuple[int, dict | None]]] = {}  # by dance and name, when changed and what `_shown` is
 
-    def __getstate__(self) -> dict:  # for other processes, which read for themselves
-        return {"folder": self.folder, "_known": {}}
-
     def save(self, result: dict, arrays: dict[str, np.ndarray]) -> str:
         """Writes a try and returns its name. The result is written last: a try that is listed is complete."""
         place = self.folder / result["dance"]

@@ -3,7 +3,6 @@
 import asyncio
 import io
 import json
-import pickle
 import random
 import re
 import struct
@@ -253,7 +252,6 @@ def test_a_history_reads_a_try_once_unless_it_changes_and_forgets_one_that_is_go
     first, second = tries.history("dance_001")
     assert (first["total"], first["phrases"], second["total"]) == (3.0, [{"start_s": 0.0, "total": 3.0}], 81.5)
     assert read == [changed] and "who" not in first and tries.history("dance_001", "p_00000000") == []
-    assert pickle.loads(pickle.dumps(tries)).history("dance_001") == [first, second]
 
 
 async def hold(socket, lesson: dict, draws: bool = True) -> tuple[dict, list[dict], list[str]]:
