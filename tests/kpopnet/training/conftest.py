@@ -4,7 +4,7 @@ import pytest
 import torch
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def restored_torch():
     """Restores torch's determinism and threads."""
     threads = torch.get_num_threads()

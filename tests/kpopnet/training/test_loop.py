@@ -4,6 +4,7 @@ import math
 import shutil
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,10 +41,18 @@ def run_short(out, *configs, **settings):
 SMALL_FIRST = replace(SHORT, optimiser="muon", small_crops=SmallCropsConfig(share=0.5, crop_px=48))
 
 
-@pytest.mark.parametrize(("kind", "config"), [("holistic", SHORT), ("dense", SMALL_FIRST)])
-def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind, config):
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The folder of a finished run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(loop, "LOG_EVERY", 2)
+        return run_short(tmp_path_factory.mktemp("finished")).parent
+
+
+@pytest.mark.parametrize(("kind", "config", "workers"), [("holistic", SHORT, 0), ("dense", SMALL_FIRST, 1)])
+def test_a_resumed_run_equals_an_uninterrupted_run_with_other_workers(tmp_path, kind, config, workers):
     model = replace(MODEL, kind=kind)
-    whole = run_short(tmp_path / "whole", config, model)
+    whole = run_short(tmp_path / "whole", config, model, workers=workers)
 
     class StoppedError(Exception):
         pass
@@ -63,11 +72,8 @@ def test_a_resumed_run_equals_an_uninterrupted_run(tmp_path, kind, config):
     resumed = run_short(tmp_path / "parts", replace(config, resume=str(tmp_path / "parts" / "last")), model)
 
     (weights, state, meta), (other_weights, other_state, other_meta) = contents(whole), contents(resumed)
-    assert weights == other_weights
-    assert state == other_state
-    assert state["step"] == 6
-    assert meta["metrics"] == other_meta["metrics"]
-    assert meta["mean_pose_m"] == other_meta["mean_pose_m"]
+    assert weights == other_weights and state == other_state and state["step"] == 6
+    assert meta["metrics"] == other_meta["metrics"] and meta["mean_pose_m"] == other_meta["mean_pose_m"]
     scalars = EventAccumulator(str(tmp_path / "parts")).Reload()
     assert [event.step for event in scalars.Scalars("validation/mean_error_cm")] == [2, 4, 6]
 
@@ -99,25 +105,15 @@ def test_the_best_checkpoint_is_one_of_the_models_crops_however_small_the_errors
     assert read_meta(tmp_path / "two/best")["step"] == 6  # the last one, of one step more, is no other phase
 
 
-def test_the_number_of_workers_changes_nothing(tmp_path):
-    short = replace(SHORT, steps=2)
-    first, same = (run_short(tmp_path / str(workers), short, workers=workers) for workers in (0, 1))
-    assert contents(first)[:2] == contents(same)[:2]
-
-
-def test_a_checkpoint_describes_itself(tmp_path, monkeypatch):
-    monkeypatch.setattr(loop, "LOG_EVERY", 2)
-    meta = read_meta(run_short(tmp_path))
-    assert meta["step"] == 6
-    assert meta["config"]["seed"] == 0 and meta["config"]["training"]["steps"] == 6
-    assert meta["model"]["crop_px"] == 32
+def test_a_checkpoint_describes_itself(finished):
+    meta = read_meta(finished / "last")
+    assert meta["step"] == meta["config"]["training"]["steps"] == 6 and meta["model"]["crop_px"] == 32
     assert set(meta["metrics"]) == {"mean_error_cm", "within_10cm", "mean_confidence"}
-    assert meta["joint_names"][0] == "head"
-    assert meta["packages"]["torch"] == torch.__version__
+    assert meta["joint_names"][0] == "head" and meta["packages"]["torch"] == torch.__version__
     # 48 samples of 20 people: the mean pose is close to that of all of them.
     plain = CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 20, 0), 0, None)[0].offset_m.mean(axis=0)
     np.testing.assert_allclose(meta["mean_pose_m"], plain, atol=0.1)
-    scalars = EventAccumulator(str(tmp_path)).Reload()
+    scalars = EventAccumulator(str(finished)).Reload()
     assert {"train/loss", "train/error_cm", "train/lr", "validation/mean_error_cm"} <= set(scalars.Tags()["scalars"])
     assert [event.step for event in scalars.Scalars("train/loss")] == [2, 4, 6]
     assert scalars.Tags()["images"] == ["validation/predictions"]
@@ -185,9 +181,8 @@ def test_a_loss_that_is_not_finite_stops_before_the_update():
     assert trained() == before and run.step == 1
 
 
-def test_a_damaged_state_is_refused_before_a_step_is_taken(tmp_path):
-    run_short(tmp_path, replace(SHORT, steps=1, validate_every=1))
-    path = tmp_path / "last" / "state.pt"
+def test_a_damaged_state_is_refused_before_a_step_is_taken(finished, tmp_path):
+    path = Path(shutil.copytree(finished / "last", tmp_path / "run")) / "state.pt"
     state = torch.load(path, weights_only=True)
     for damaged, message in ((state | {"step": "6"}, "step is '6', expected int"), (state | {"weights": {}}, "does not fit")):
         torch.save(damaged, path)
@@ -196,22 +191,22 @@ def test_a_damaged_state_is_refused_before_a_step_is_taken(tmp_path):
         assert "\n" not in str(refusal.value)
 
 
-def test_a_folder_keeps_its_run_and_resuming_refuses_a_finished_one_and_another_model(tmp_path):
-    last = str(run_short(tmp_path))
-    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
-    with pytest.raises(InputError, match=rf"holds a run; resume it \(training\.resume={last}\)"):
-        run_short(tmp_path, seed=3)
-    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
-    with pytest.raises(InputError, match="finished already, 6 of 6 steps"):
-        run_short(tmp_path, replace(SHORT, resume=last))
-    with pytest.raises(InputError, match="not the weights"):
-        run_short(tmp_path, replace(SHORT, steps=8, resume=last), replace(MODEL, widths=[8, 8, 16, 24]))
-    with pytest.raises(InputError, match=r"was trained on other data \(None\) than the given data \(.*b.*\)"):
-        train(short_run(replace(SHORT, steps=8, resume=last)), PEOPLE, OTHERS, tmp_path, {"train": "b"})
+def test_a_folder_keeps_its_run_and_resuming_refuses_a_finished_one_and_another_model(finished):
+    before = {path: path.read_bytes() for path in finished.rglob("*") if path.is_file()}
+    resumed = replace(SHORT, resume=str(finished / "last"))
+    for training, model, data, message in (
+        (SHORT, MODEL, None, rf"holds a run; resume it \(training\.resume={finished}/last\)"),
+        (resumed, MODEL, None, "finished already, 6 of 6 steps"),
+        (resumed, replace(MODEL, widths=[8, 8, 16, 24]), None, "not the weights"),
+        (resumed, MODEL, {"train": "b"}, r"was trained on other data \(None\) than the given data \(.*b.*\)"),
+    ):
+        with pytest.raises(InputError, match=message):
+            train(short_run(training, model), PEOPLE, OTHERS, finished, data)
+    assert {path: path.read_bytes() for path in finished.rglob("*") if path.is_file()} == before
 
 
-def test_a_run_that_goes_on_in_another_folder_has_its_own_best_and_a_copy_of_its_links_is_refused(tmp_path):
-    run_short(tmp_path / "first")
+def test_a_run_that_goes_on_in_another_folder_has_its_own_best_and_a_copy_of_its_links_is_refused(finished, tmp_path):
+    shutil.copytree(finished, tmp_path / "first", symlinks=True)
     for path in (tmp_path / "first/last/meta.json", tmp_path / "first/best/meta.json"):
         path.write_text(path.read_text().replace('"steps": 6', '"steps": 8'))
     state_path = tmp_path / "first/last/state.pt"
