@@ -29,7 +29,6 @@ MIN_SILHOUETTE_PX = 20
 MEDIAN_POINTS = 2000
 """The median over a silhouette uses at least this many points, if it has them; more change it by millimetres."""
 
-
 MAX_CROP_PX, CROP_STEP_PX = 256, 16
 """Largest side of a crop, which a checkpoint's description chooses, and the largest stride of a network's encoder."""
 

@@ -67,8 +67,6 @@ SCHEMA = Hdf5Schema(
     fixed={"format": FORMAT, "version": VERSION, "joint_names": list(JOINT_NAMES)},
     remedy="delete it and make it again",
 )
-_NO_CHUNK_CACHE = {"rdcc_nbytes": 0}
-"""Each sample is read once an epoch, and HDF5 would cache 8 MB of every file."""
 
 
 def shard_path(folder: Path, shard: int) -> Path:
@@ -105,12 +103,13 @@ class ShardHeader(NamedTuple):
 
 def open_shard(path: Path) -> h5py.File:
     """Opens a shard for reading; raises InputError if it is missing, damaged, or not as the module docstring describes it."""
-    return opened_hdf5(path, SCHEMA, **_NO_CHUNK_CACHE)
+    # Each sample is read once an epoch, and HDF5 would cache 8 MB of every file.
+    return opened_hdf5(path, SCHEMA, rdcc_nbytes=0)
 
 
 def read_header(path: Path) -> ShardHeader:
     """The attributes of a shard; errors as in `open_shard`."""
-    with open_hdf5(path, SCHEMA, **_NO_CHUNK_CACHE) as file:
+    with open_hdf5(path, SCHEMA) as file:
         found = attributes_of(file)
         expect(found["kind"] in KINDS, f"{path}: attribute kind", f"{' or '.join(KINDS)}, found {found['kind'][:40]}")
         config = parse_json(found["config"], f"{path}: attribute config")
@@ -118,11 +117,8 @@ def read_header(path: Path) -> ShardHeader:
         camera = Camera.from_numbers(found["camera"], f"{path}: attribute camera")
         declared = (found["stop"] - found["start"], camera.height, camera.width)
         stored = stored_array(file, "depth_mm").shape
-        expect(
-            declared[0] > 0 and stored == declared,
-            f"{path}: depth_mm",
-            f"the shape {declared} by its attributes, found {stored}",
-        )
+        fits = declared[0] > 0 and stored == declared
+        expect(fits, f"{path}: depth_mm", f"the shape {declared} by its attributes, found {stored}")
         expect(found["kind"] == "clean" or "ridge" in file, str(path), "an array ridge in a frozen shard")
     found |= {"config": config, "camera": camera}
     return ShardHeader(*(found[name] for name in ShardHeader._fields))
@@ -218,7 +214,7 @@ class ShardedSet:
         """A per-sample data set that is no image (joints_m, body, motion, ...), concatenated over all shards."""
         rows = []
         for path in self.paths:
-            with open_hdf5(path, SCHEMA, **_NO_CHUNK_CACHE) as file:
+            with open_hdf5(path, SCHEMA) as file:
                 rows.append(read_array(file, name))
         return np.concatenate(rows)
 

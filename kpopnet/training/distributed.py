@@ -10,7 +10,7 @@ import torch
 from torch import distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 from kpopnet.networks.network import PoseNetwork
 from kpopnet.runtime.cpu import available_cores, keep_freed_memory
 
@@ -49,8 +49,7 @@ class Processes:
 
 def device_kind(device: str) -> str:
     """`cuda`, which `auto` is where torch finds a GPU, or `cpu`; raises InputError for another name, or cuda without a GPU."""
-    if device not in ("auto", "cpu", "cuda"):
-        raise InputError(f"device={device}: expected auto, cpu or cuda")
+    check_one_of("device", device, ("auto", "cpu", "cuda"))
     if device == "cuda" and not torch.cuda.is_available():
         raise InputError("device=cuda: torch finds no GPU; use device=cpu")
     return "cuda" if device != "cpu" and torch.cuda.is_available() else "cpu"

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from tqdm import tqdm
 
 from kpopnet.camera import MM_PER_METRE
-from kpopnet.data.batches import permutation
+from kpopnet.data.batches import ShuffledOrder
 from kpopnet.data.canvas import CANVAS, STRIDE
 from kpopnet.data.made_sets import check_others
 from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
@@ -173,7 +173,7 @@ class FinderRun(Descent):
     """The state of a training."""
 
     def __init__(self, config: FinderTraining, seed: int, folder: Path, device: torch.device = CPU) -> None:
-        self.config, self.seed, self.folder, self.device = config, seed, folder, device
+        self.folder = folder
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             network = FinderNetwork().to(memory_format=torch.channels_last)
@@ -257,25 +257,23 @@ def train_finder(
     run = FinderRun(config, seed, out, on)
     images, validation = LoadedImages(data["train"], on), LoadedImages(data["validation"], on)
     check_others(images.hash, validation.hash, data["validation"])
-    size, settings = config.batch_size, asdict(config)
+    order, settings = ShuffledOrder(len(images), config.batch_size, seed), asdict(config)
     del settings["resume"]
     described = {"config": settings, "seed": seed}
     described |= {"images": {"hash": images.hash, "count": len(images)}, "validation": validation.hash}
     if config.resume:
         run.check_same(described)
-    log.info(
-        f"{len(images):,} training and {len(validation):,} validation images, {config.steps * size / len(images):.1f} epochs"
-    )
+    epochs = config.steps * config.batch_size / len(images)
+    log.info(f"{len(images):,} training and {len(validation):,} validation images, {epochs:.1f} epochs")
     with progress_bar(config.steps, run.step) as bar:
         while run.step < config.steps:
-            positions = np.arange(run.step * size, (run.step + 1) * size)
-            rows = np.array([permutation(seed, int(p // len(images)), len(images))[p % len(images)] for p in positions])
+            rows = np.array([row for row, _ in order(run.step)])
             rng = np.random.default_rng([seed, VIEW_STREAM, run.step])
             terms = run.update(*images.batch(rows, SceneViews.drawn(rng, images.cameras[rows], config.other_views)))
             bar.update()
             bar.set_postfix({name: f"{value:.3f}" for name, value in terms.items()}, refresh=False)
             if run.step % config.validate_every == 0 or run.step == config.steps:
-                metrics = validate(run.average, validation, size)
+                metrics = validate(run.average, validation, config.batch_size)
                 run.save({"metrics": metrics, **described})
                 log.info(
                     f"step {run.step:,} of {config.steps:,}: of the people's cells {100 * metrics['recall']:.1f} % found, of "
