@@ -120,11 +120,7 @@ def ridge_probability(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:
 def _ratio_in_box(depth_m: np.ndarray, config: RidgeConfig) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:
     """The bounding box of the person with a margin of two pixels, and the squared distances and circle ratios in it."""
     if not isinstance(depth_m, np.ndarray) or depth_m.ndim != 2 or depth_m.dtype.kind != "f":
-        found = f"{depth_m.dtype} {depth_m.shape}" if isinstance(depth_m, np.ndarray) else type(depth_m).__name__
-        raise InputError(
-            f"ridge: expected one (H, W) depth image of floating-point metres, found {found}; "
-            "kpopnet.camera.depth_in_metres converts millimetres"
-        )
+        raise InputError("ridge: expected one (H, W) image of floating-point metres; kpopnet.camera.depth_in_metres converts")
     x0, y0, width, height = cv2.boundingRect((depth_m > 0).view(np.uint8))
     box = slice(max(y0 - 2, 0), y0 + height + 2), slice(max(x0 - 2, 0), x0 + width + 2)
     depth = np.ascontiguousarray(depth_m[box], dtype=np.float32)

@@ -51,7 +51,7 @@ def is_live(name: str) -> bool:
 
 
 def open_live(name: str, rotate_deg: int = 0) -> LiveCamera:
-    """Opens the live camera of a name in LIVE_CAMERAS; its images are turned clockwise by 0, 90, 180 or 270 degrees.
+    """Opens the live camera of a name that `shared_live` gives; its images are turned clockwise by 0, 90, 180 or 270 degrees.
 
     Raises InputError: there is no such camera, its library is missing, or none is connected.
     """

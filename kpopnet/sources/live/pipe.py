@@ -63,12 +63,7 @@ class PipeCamera:
     """
 
     def __init__(self, address: str) -> None:
-        """Connects to a sender, see `check_address`, or reads standard input: "-".
-
-        Raises InputError without a sender, or if it sends something else.
-        """
-        self._relay = Relay() if address == "-" else None
-        address = address if self._relay is None else self._relay.address
+        """Connects to a sender, see `check_address`. Raises InputError without one, or if it sends something else."""
         self._address, self._closed = check_address(address), False
         self._name = Said("standard input") if address.startswith(STDIN) else address
         self._changed = threading.Condition()
@@ -104,8 +99,6 @@ class PipeCamera:
         if self._connection is not None:
             with contextlib.suppress(OSError):  # it has ended
                 self._connection.shutdown(socket.SHUT_RDWR)
-        if self._relay is not None:
-            self._relay.close()
 
     def _receive(self) -> None:
         """Keeps the newest image, and looks for the sender again where it has ended, until the camera is closed."""
