@@ -401,8 +401,8 @@ class Comparison:
             np.array([getattr(one, name) for one in self.kept]) for name in names
         )
         parts, most_of, coverage = (
-            {name: np.array([getattr(one, of_parts)[number] for one in self.kept]) for number, name in enumerate(PARTS)}
-            for of_parts in ("parts", "parts_most", "coverage")
+            dict[str, np.ndarray](zip(PARTS, np.array([getattr(one, name) for one in self.kept]).T, strict=True))
+            for name in ("parts", "parts_most", "coverage")
         )
         # Means are limited, not what they are of, or errors of the estimator would lower them.
         shown_parts = {name: np.minimum(one, most_of[name]) for name, one in parts.items()}

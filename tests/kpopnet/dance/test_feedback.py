@@ -84,6 +84,17 @@ def test_the_cause_of_a_phrase_stands_before_its_joints(name):
         assert not [one for one in found.phrases[2].moments if one.part not in ("phrase", "timing")]
 
 
+def test_one_wrong_limb_beside_one_that_is_a_little_off_is_not_something_else():
+    """The right arm of a dancer whose left arm hangs may have 80 through a camera."""
+    teacher_m = dance_joints_m(1, 16.0)
+    score = score_dance(performed(teacher_m), performed(CAUSES["something else"](teacher_m)))
+    for right_arm, is_else in ((60.0, True), (80.0, False)):
+        parts = {name: np.full_like(values, 100.0) for name, values in score.windows.parts.items()}
+        parts["left arm"][:], parts["right arm"][:] = 1.0, right_arm
+        third = feedback(score._replace(windows=score.windows._replace(parts=parts))).phrases[2]
+        assert ("something else" in [one.direction for one in third.moments]) is is_else
+
+
 def test_who_moves_half_as_far_from_the_first_moment_on_rests_nowhere():
     for index in range(4):
         teacher_m = dance_joints_m(index, 16.0)
