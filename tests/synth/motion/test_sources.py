@@ -71,7 +71,8 @@ def test_single_poses_of_a_pack_are_uniform_over_time_and_never_bad_frames(pack)
 
 
 def used_by_split(folder):
-    return {split: {clips(folder, split).motion(i).name for i in range(len(clips(folder, split)))} for split in SPLITS}
+    opened = {split: clips(folder, split) for split in SPLITS}
+    return {split: {one.motion(number).name for number in range(len(one))} for split, one in opened.items()}
 
 
 def test_bvh_files_are_clips_split_by_name(tmp_path):

@@ -67,7 +67,7 @@ def test_the_room_is_empty_when_it_should_be_and_the_person_whole_when_they_stan
 def test_people_rooms_and_cameras_take_turns() -> None:
     maker = CheckSim(CheckSimConfig(seed=5, cameras=["kinect_2", "realsense"], sequences=10))
     assert [maker.kind(index) for index in range(3)] == ["kinect_2", "realsense", "kinect_2"]
-    takes = [maker.take(index) for index in (0, 1, 2)]
-    legs_m = [one.actors[0].played.person.leg_m for one in takes]
-    heights_m = [one.views[0].position_m[2] for one in takes]
-    assert legs_m[0] == legs_m[1] != legs_m[2] and heights_m[0] == heights_m[1] != heights_m[2]
+    assert [maker.first_person(index) for index in range(10)] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
+    one, other = (maker.take(index) for index in (0, 2))
+    assert one.actors[0].played.person.leg_m == maker.person(0).leg_m != other.actors[0].played.person.leg_m
+    assert one.views[0].position_m[2] != other.views[0].position_m[2]
