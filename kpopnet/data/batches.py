@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import ClassVar, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -78,13 +78,11 @@ class AugmentConfig:
     occluder: float = 0.3
     views: int = 1
 
-    group: ClassVar[str] = "training.augment"
-
     def __post_init__(self) -> None:
         highest = {"mirror": 1, "rotation_deg": 180, "any_rotation": 1, "scale": 0.99, "jitter_m": 0.5, "occluder": 1}
         for name, high in highest.items():
-            check_between(f"{self.group}.{name}", getattr(self, name), 0, high)
-        check_between(f"{self.group}.views", self.views, 1, 64)
+            check_between(f"training.augment.{name}", getattr(self, name), 0, high)
+        check_between("training.augment.views", self.views, 1, 64)
 
 
 class Patches(NamedTuple):

@@ -204,18 +204,13 @@ def run_network_training(config: NetworkTrainingConfig) -> None:
 
 
 def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:
-    source, validation, data = config.observed()
+    source, _, data = config.observed()
     with locked(config.out):  # another folder than Hydra's, if both are given
         if (Path(config.out) / META).exists():
             raise InputError(f"{config.out}: holds a model; give another folder (out=...), or delete it")
-        model, metrics = train_tree_walk(
-            config.tree_walk, source, validation, config.seed, bounded_processes(config.workers, "workers")
-        )
-        model.save(Path(config.out), {"config": asdict(config), "data": data, "metrics": metrics})
-    log.info(
-        f"{config.out}: mean error {metrics['mean_error_cm']:.2f} cm, {100 * metrics['within_10cm']:.1f} % within 10 cm "
-        "on validation people"
-    )
+        model = train_tree_walk(config.tree_walk, source, config.seed, bounded_processes(config.workers, "workers"))
+        model.save(Path(config.out), {"config": asdict(config), "data": data})
+    log.info(f"{config.out}: judge it by evaluate.py 'estimator=[tree_walk]' estimator.tree_walk.path={config.out}")
 
 
 @entry_point({"train": NetworkTrainingConfig, "tree_walk": TreeWalkTrainingConfig, "finder": FinderTrainingConfig})

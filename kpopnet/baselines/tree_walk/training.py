@@ -1,23 +1,23 @@
-"""Trains a random tree walk: images, positions in them and a tree for each joint; judges it on other images."""
+"""Trains a random tree walk: images, positions in them and a tree for each joint."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from tqdm import tqdm
 
-from kpopnet.baselines.tree_walk.walking import HALF_SIZE_M, UNITS, Trees, TreeWalkModel, feature, integer_image, walk
-from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader
-from kpopnet.data.cube import Cube, check_crop_px
+from kpopnet.baselines.tree_walk.walking import HALF_SIZE_M, UNITS, Trees, TreeWalkModel, feature, integer_image
+from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder, batch_loader
+from kpopnet.data.cube import check_crop_px
 from kpopnet.data.observation import ObservationSource
 from kpopnet.errors import check_between
 from kpopnet.networks import ModelConfig
-from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
+from kpopnet.skeleton import NUM_JOINTS
 
 BATCH = 50
-WITHIN_M = 0.1
+AUGMENT = AugmentConfig()
 AROUND_M = 0.3
 """Largest distance from the joint of the positions from which the direction to it is learned."""
 
@@ -41,13 +41,6 @@ DIRECTIONS, KMEANS_ITERATIONS = 5, 10
 
 
 @dataclass
-class TreeWalkAugmentConfig(AugmentConfig):
-    """The same, of a random tree walk."""
-
-    group: ClassVar[str] = "tree_walk.augment"
-
-
-@dataclass
 class TreeWalkConfig:
     """How a model is trained.
 
@@ -57,8 +50,6 @@ class TreeWalkConfig:
         crop_px: side of the image of the cube in pixels.
         leaf_samples: smallest number of samples in a leaf.
         features: number of random features tried at every node.
-        augment: augmentation of the training images.
-        validation_images: number of images of the validation set that judge the model.
     """
 
     images: int = 80_000
@@ -66,11 +57,9 @@ class TreeWalkConfig:
     crop_px: int = 96
     leaf_samples: int = 40
     features: int = 100
-    augment: AugmentConfig = field(default_factory=TreeWalkAugmentConfig)
-    validation_images: int = 4000
 
     def __post_init__(self) -> None:
-        for name in ("images", "places", "leaf_samples", "features", "validation_images"):
+        for name in ("images", "places", "leaf_samples", "features"):
             check_between(f"tree_walk.{name}", getattr(self, name), 1, 1e8)
         check_crop_px("tree_walk.crop_px", self.crop_px)
 
@@ -84,39 +73,22 @@ class Samples(NamedTuple):
     direction: np.ndarray  # (N, 3) float32 unit vectors from the position to the joint
 
 
-def train(
-    config: TreeWalkConfig, source: ObservationSource, validation: ObservationSource, seed: int, workers: int
-) -> tuple[TreeWalkModel, dict]:
-    """Grows the trees of all joints; returns the model and its metrics on the validation set.
-
-    `workers` processes prepare images, this one if it is 0.
-    """
-    crops = ModelConfig(crop_px=config.crop_px, half_size_m=HALF_SIZE_M)
-    batches = CropBatches(source, crops, ShuffledOrder(len(source), BATCH, seed), seed, config.augment)
-    images, joints_uvd, _ = collect_images(batches, config.images, workers, "training images")
+def train(config: TreeWalkConfig, source: ObservationSource, seed: int, workers: int) -> TreeWalkModel:
+    """Grows the trees of all joints. `workers` processes prepare images, this one if it is 0."""
+    side, count = config.crop_px, config.images
+    model = ModelConfig(crop_px=side, half_size_m=HALF_SIZE_M)
+    batches = CropBatches(source, model, ShuffledOrder(len(source), BATCH, seed), seed, AUGMENT)
+    images, joints_uvd = np.empty((count, side, side), np.int16), np.empty((count, NUM_JOINTS, 3), np.float32)
+    loaded = batch_loader(batches, 0, -(-count // BATCH), workers)
+    for step, batch in enumerate(tqdm(loaded, desc="training images", unit="batch")):
+        rows = slice(step * BATCH, min((step + 1) * BATCH, count))
+        crops, joints_uvd[rows] = (np.asarray(part)[: rows.stop - rows.start] for part in (batch.crop, batch.target))
+        images[rows] = integer_image(crops[:, 0])
     samples = (
         draw_positions(images, joints_uvd[:, joint], config.places, np.random.default_rng([seed, POSITIONS_STREAM, joint]))
         for joint in tqdm(range(NUM_JOINTS), desc="trees", unit="joint")
     )
-    model = TreeWalkModel(config.crop_px, grow(samples, config, seed))
-    count = min(config.validation_images, len(validation))
-    batches = CropBatches(validation, crops, EvenOrder(len(validation), BATCH, count), seed, None)
-    return model, judge(model, *collect_images(batches, count, workers, "validation images"))
-
-
-def collect_images(batches: CropBatches, count: int, workers: int, what: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The first M = `count` images of the batches: (M, S, S) int16 `integer_image` of people, (M, 15, 3) float32 true joints in
-    the coordinates of the image's cube, and (M, 4) float32 the cube's centre in the camera frame and its half size, metres.
-    """
-    side, filled = batches.model.crop_px, 0
-    images = np.empty((count, side, side), np.int16)
-    joints_uvd, cubes_m = np.empty((count, NUM_JOINTS, 3), np.float32), np.empty((count, 4), np.float32)
-    for batch in tqdm(batch_loader(batches, 0, -(-count // BATCH), workers), desc=what, unit="batch"):
-        rows = slice(filled, min(filled + len(batch.crop), count))
-        filled = rows.stop
-        crops, joints_uvd[rows], cubes_m[rows] = (np.asarray(part)[: rows.stop - rows.start] for part in batch[:3])
-        images[rows] = integer_image(crops[:, 0])
-    return images, joints_uvd, cubes_m
+    return TreeWalkModel(side, grow(samples, config, seed))
 
 
 def grow(samples_of_joints: Iterable[Samples], config: TreeWalkConfig, seed: int) -> Trees:
@@ -261,18 +233,3 @@ def cluster(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _cosines(directions: np.ndarray, means: np.ndarray) -> np.ndarray:
     """(n, K) cosines of the angles between (n, 3) and (K, 3) unit vectors."""
     return sum(directions[:, axis, None] * means[:, axis] for axis in range(3))
-
-
-def judge(model: TreeWalkModel, images: np.ndarray, joints_uvd: np.ndarray, cubes_m: np.ndarray) -> dict:
-    """The metrics of a model on `collect_images`."""
-    errors_m = np.empty((len(images), NUM_JOINTS))
-    for number, (image, true_uvd, (*centre_m, half_size_m)) in enumerate(zip(images, joints_uvd, cubes_m, strict=True)):
-        cube = Cube(np.array(centre_m, np.float32), half_size_m)
-        found_m = cube.to_metres(walk(image, model.trees, number))
-        errors_m[number] = np.linalg.norm(found_m - cube.to_metres(true_uvd), axis=-1)
-    within = errors_m < WITHIN_M
-    return {
-        "mean_error_cm": 100 * float(errors_m.mean()),
-        "within_10cm": float(within.mean()),
-        "within_10cm_per_joint": dict(zip(JOINT_NAMES, within.mean(axis=0).tolist(), strict=True)),
-    }

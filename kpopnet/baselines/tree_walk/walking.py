@@ -158,7 +158,7 @@ class TreeWalkModel:
     trees: Trees
 
     def save(self, folder: Path, described: dict) -> None:
-        """Writes trees.safetensors and meta.json, with configuration, data and metrics (`described`, JSON types)."""
+        """Writes trees.safetensors and meta.json, with configuration and data (`described`, JSON types)."""
         folder.mkdir(parents=True, exist_ok=True)
         with atomic_path(folder / TREES) as part:
             save_file({name: np.ascontiguousarray(array) for name, array in self.trees._asdict().items()}, part)
