@@ -114,10 +114,6 @@ _STIFFNESS = {
 }
 """Relative weight of a length error, 0..1: 1 for bones, low where the spine bends. Set by hand, not fitted."""
 
-TORSO_JOINTS = (
-    Joint.HEAD, Joint.NECK, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP,
-)  # fmt: skip
-
 _ELEVATION_COEFFICIENTS = {
     (Joint.NECK, Joint.RIGHT_SHOULDER): (-0.026, -0.010),
     (Joint.RIGHT_SHOULDER, Joint.TORSO): (0.049, 0.014),

@@ -13,19 +13,15 @@ import math
 import numpy as np
 from numba import njit
 
-from kpopnet.geometry.body import COLLISION_PAIRS, LIMBS, PARTS, ROW_TO_JOINT, TORSO_JOINTS, Body
+from kpopnet.geometry.body import COLLISION_PAIRS, LIMBS, PARTS, ROW_TO_JOINT, Body
 from kpopnet.geometry.cones import axis_point, body_segments, nearest_parts, signed_distance, torso_frame
 from kpopnet.geometry.depth_grid import DepthGrid
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
-_ELIMINATION = [
-    *(Joint.RIGHT_HAND, Joint.RIGHT_ELBOW, Joint.LEFT_HAND, Joint.LEFT_ELBOW),
-    *(Joint.RIGHT_FOOT, Joint.RIGHT_KNEE, Joint.LEFT_FOOT, Joint.LEFT_KNEE),
-    *TORSO_JOINTS,
-]
 COLUMN = np.empty(len(ROW_TO_JOINT), np.int64)
-"""(25,) the first of the three unknowns of every row."""
-COLUMN[_ELIMINATION] = 3 * np.arange(NUM_JOINTS)
+"""(25,) the first of the three unknowns of every row, which are eliminated from hands and feet inwards."""
+_OF_LIMBS = LIMBS[:, :0:-1].ravel()
+COLUMN[[*_OF_LIMBS, *np.setdiff1d(Joint, _OF_LIMBS)]] = 3 * np.arange(NUM_JOINTS)
 COLUMN[NUM_JOINTS:] = COLUMN[ROW_TO_JOINT[NUM_JOINTS:]]
 
 PART_COLUMNS = COLUMN[PARTS]
