@@ -7,6 +7,7 @@ from cone_people import error_m
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from real_data import UTD_MHAD
 from y_people import draw_y, family, simulated, y_angles, y_joints
 
 from kpopnet.camera import CAMERAS, Camera
@@ -133,6 +134,16 @@ def test_no_tracker_starts_with_a_wrong_pose() -> None:
     people = [(find_initial_pose(depth, camera), joints) for depth, camera, joints in seen]
     accepted = [error_m(pose, joints).max() for pose, joints in people if pose is not None]
     assert len(people) > 15 and len(accepted) <= 3 and max(accepted, default=0) < 0.25
+
+
+@pytest.mark.skipif(not UTD_MHAD.is_dir(), reason="the UTD-MHAD data set is not installed")
+def test_real_people_in_other_poses_are_refused() -> None:
+    from kpopnet.datasets.utd_mhad import UtdMhadBenchmark, UtdMhadConfig
+
+    benchmark = UtdMhadBenchmark(UtdMhadConfig(path=str(UTD_MHAD), lag=0))
+    for name in benchmark.sequence_names()[::24]:
+        sequence = benchmark.read(name)
+        assert all(find_initial_pose(depth, sequence.camera) is None for depth in sequence.depth_m[::8])
 
 
 def test_the_last_bit_of_opencvs_distances_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
