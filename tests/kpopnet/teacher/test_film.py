@@ -14,7 +14,6 @@ import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
 
-from aiohttp.test_utils import TestClient, TestServer
 from teacher_page import PATIENCE_S, with_its_client
 
 from kpopnet.errors import InputError
@@ -22,8 +21,6 @@ from kpopnet.skeleton import Joint
 from kpopnet.teacher import film
 from kpopnet.teacher.film import COLOURS, FPS, MOST_S, PANEL_PX, Filming, drawn, make_film, skinned, write_film
 from kpopnet.teacher.posing import Movement, posed
-from kpopnet.teacher.safety import LOOPBACK_NAMES
-from kpopnet.teacher.server import make_app
 
 SOON_S = 60
 RESULT = {"from_s": 1.0, "to_s": 3.0, "speed": 1.0, "course": {"time_s": [1.0, 2.0, 3.0], "total": [95.0, None, 5.0]}}
@@ -82,53 +79,43 @@ def left_over(teaching) -> list[str]:
     return [path.name for path in teaching.tries.folder.rglob("*") if path.is_file() and path.suffix not in (".json", ".npz")]
 
 
-@with_its_client
-async def test_whoever_leaves_cancels_the_film_and_the_next_which_waits_tells_how_far_it_is_and_is_kept(
-    client, teaching, tried
-):
-    long, short = (f"/api/tries/dance_001/{tried(*given)}" for given in ((45.0, 0.25), (1.0,)))
-    early = await client.get(f"{short}.mp4")
-    assert early.status == 400 and "not made yet" in (await early.json())["error"]
-    answer = await client.post(f"{long}/film")
-    assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+async def begun(client, path: str):
+    """The answer of a server that is making a film."""
+    answer = await client.post(path)
     while json.loads(await answer.content.readline())["fraction"] == 0:
         pass
-    assert len(films_at_work()) == 1
-    refused = await client.post(f"{short}/film")
-    assert "another film is being made" in json.loads(await refused.text())["error"]
+    return answer
+
+
+@with_its_client
+async def test_whoever_leaves_cancels_the_film_and_the_next_tells_how_far_it_is_and_is_kept(client, teaching, tried):
+    long, short = (f"/api/tries/dance_001/{tried(*given)}" for given in ((45.0, 0.25), (1.0,)))
+    assert "not made yet" in await client.refused(f"{short}.mp4")
+    answer = await begun(client, f"{long}/film")
+    assert "default-src 'none'" in answer.headers["Content-Security-Policy"] and len(films_at_work()) == 1
+    assert "another film is being made" in await client.told(f"{short}/film", method="POST")
     answer.close()
     until = time.monotonic() + SOON_S
     while films_at_work() and time.monotonic() < until:
         await asyncio.sleep(0.1)
     assert not films_at_work() and not left_over(teaching)
-    made = await client.post(f"{short}/film")
-    told = [json.loads(line)["fraction"] for line in (await made.text()).splitlines()]
+    made = await client.told(f"{short}/film", method="POST")
+    told = [json.loads(line)["fraction"] for line in made.splitlines()]
     assert told == sorted(told) and told[0] < 1 and told[-1] == 1
     ready = await client.get(f"{short}.mp4")
     assert (await ready.read())[4:8] == b"ftyp" and "attachment" in ready.headers["Content-Disposition"]
-    again = await client.post(f"{short}/film")
-    assert (await again.text()).splitlines() == ['{"fraction": 1}']  # it is there
+    assert await client.told(f"{short}/film", method="POST") == '{"fraction": 1}\n'  # it is there
     assert not films_at_work()
 
 
-def test_the_server_ends_although_a_film_is_being_made_and_a_page_is_open(teaching, tried):
-    name, ended = tried(45.0, 0.25), []
-
-    async def work():
-        client = TestClient(TestServer(make_app(teaching, LOOPBACK_NAMES)))
-        await client.start_server()
-        socket = await client.ws_connect("/live")
-        answer = await client.post(f"/api/tries/dance_001/{name}/film")
-        while json.loads(await answer.content.readline())["fraction"] == 0:
-            pass
-        began = time.monotonic()
-        await client.server.close()
-        ended.append(time.monotonic() - began)
-        assert socket.closed or (await socket.receive()).type.name in ("CLOSE", "CLOSED", "CLOSING")
-        await client.close()
-
-    asyncio.run(asyncio.wait_for(work(), PATIENCE_S))
-    assert ended[0] < 30 and not films_at_work() and not left_over(teaching)
+@with_its_client
+async def test_the_server_ends_although_a_film_is_being_made_and_a_page_is_open(client, teaching, tried):
+    socket = await client.ws_connect("/live")
+    await begun(client, f"/api/tries/dance_001/{tried(45.0, 0.25)}/film")
+    began = time.monotonic()
+    await client.server.close()
+    assert time.monotonic() - began < 30 and not films_at_work() and not left_over(teaching)
+    assert socket.closed or (await socket.receive()).type.name in ("CLOSE", "CLOSED", "CLOSING")
 
 
 def test_what_goes_wrong_is_one_sentence(teaching, tried, monkeypatch):
