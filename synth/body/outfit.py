@@ -104,30 +104,24 @@ class Skin(NamedTuple):
     faces: np.ndarray  # (F, 3) int32
     weight_bones: np.ndarray  # (N, 4) int bones of the skinning weights
     weights: np.ndarray  # (N, 4) float32 skinning weights; rows sum to 1
-    starts: dict[str, int]  # index of the first vertex of each piece, by name
 
 
 @cache
 def load_skin() -> Skin:
     asset = load_body()
-    faces, bones, weights, starts = [asset.faces], [asset.weight_bones], [asset.weights], {}
-    count = len(asset.weights)
-    for name, piece in PIECES.items():
-        starts[name] = count
-        faces.append(RING_FACES + count)
-        padded = np.zeros((len(piece.weights), asset.weights.shape[1]), np.float32)
-        held = np.zeros(padded.shape, int)
-        padded[:, : len(piece.bones)] = piece.weights
-        held[:, : len(piece.bones)] = [asset.bone(bone) for bone in piece.bones]
-        weights.append(padded)
-        bones.append(held)
-        count += len(padded)
-    return Skin(np.concatenate(faces).astype(np.int32), np.concatenate(bones), np.concatenate(weights), starts)
+    faces, bones, weights = [asset.faces], [asset.weight_bones], [asset.weights]
+    for number, piece in enumerate(PIECES.values()):
+        faces.append(RING_FACES + len(asset.weights) + number * RINGS * SECTORS)
+        unused = (0, 0), (0, asset.weights.shape[1] - len(piece.bones))
+        held = np.tile([asset.bone(bone) for bone in piece.bones], (RINGS * SECTORS, 1))
+        bones.append(np.pad(held, unused))
+        weights.append(np.pad(piece.weights, unused).astype(np.float32))
+    return Skin(np.concatenate(faces).astype(np.int32), np.concatenate(bones), np.concatenate(weights))
 
 
 def unworn(figure: Figure) -> dict[str, np.ndarray]:
     """All pieces (N, 3), shrunk to points inside the body."""
-    return {name: np.tile(figure.bone_m(piece.bones[0]), (len(piece.weights), 1)) for name, piece in PIECES.items()}
+    return {name: np.tile(figure.bone_m(piece.bones[0]), (RINGS * SECTORS, 1)) for name, piece in PIECES.items()}
 
 
 def skirt(figure: Figure, dressed_m: np.ndarray, length: float, flare: float) -> np.ndarray:

@@ -45,7 +45,6 @@ class Person:
     heads_m: np.ndarray  # (B, 3) proximal end (head) of each bone at rest, metres
     joints_m: np.ndarray  # (15, 3) labelled joints at rest, metres
     t_pose: np.ndarray  # (B, 3, 3) world rotation of each bone from the rest pose to the T-pose
-    stature_m: float  # height of the body without clothes and hair, metres
     leg_m: float  # length from hip through knee to ankle, metres
 
 
@@ -99,7 +98,6 @@ def shape_person(coefficients: np.ndarray) -> Person:
         heads_m=heads,
         joints_m=joints,
         t_pose=_t_pose(heads, asset),
-        stature_m=float(np.ptp(vertices[:, 2])),
         leg_m=float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee)),
     )
 

@@ -1,15 +1,9 @@
 """Scenes of zero to six people among clutter, before any camera.
 
 Scene i is a pure function of (seed, split, i). World frame: z up, floor at z = 0, the camera above the origin, looking towards
-+y, up or down, and rolled. What is drawn:
-
-- *camera*: an image of any format whose longer field of view is 40 to 120 degrees; 0.3 to 3 m high, pitched by up to 50
-  degrees, mostly upright, sometimes rolled by up to 30, by 90 or by 180 degrees;
-- *surroundings*: a floor, walls and a ceiling, or outdoors a floor alone; each may return nothing; or nothing but the people,
-  as in recordings whose background was removed;
-- *clutter*: furniture and things of `clutter`, anywhere;
-- *people*: in any pose, some close together or in contact, some raised on a bed or a stage, some on a seat, some with a thing
-  in their hands, which counts as theirs. The border of the image, clutter and other people may hide any part of them.
++y, up or down, and rolled. People are in any pose, some in contact, raised on a bed or a stage, on a seat, or with a thing in
+their hands, which counts as theirs. Furniture and things of `clutter` stand anywhere in a room or outdoors, or there is nothing
+but people, as in recordings whose background was removed. The image's border, clutter and others may hide any part of a person.
 """
 
 from typing import NamedTuple

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -198,21 +197,7 @@ def _fill(file: h5py.File, config: SetConfig, shard: int, sampler: Sampler, on_s
         file.create_dataset(name, data=np.array(labels[name], kind))
     file.create_dataset("room_mm", data=np.stack([rooms[number].depth_mm for number in sorted(rooms)]), **image)
     file.create_dataset("floor", data=np.stack([rooms[number].floor for number in sorted(rooms)]))
-    file.attrs.update(_attributes(config, shard, camera) | totals)
-
-
-def _version(package: str) -> str | None:
-    """The version of a package; None for one that is used from a copied checkout."""
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None
-
-
-def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]:
-    """The HDF5 attributes of a shard, but for the counts of what was rejected and forced."""
-    start, stop = config.span(shard)
-    return {
+    attributes = {
         "format": FORMAT,
         "version": VERSION,
         "kind": "frozen" if config.freeze else "clean",
@@ -227,6 +212,15 @@ def _attributes(config: SetConfig, shard: int, camera: Camera) -> dict[str, Any]
         "joint_names": list(JOINT_NAMES),
         "packages": json.dumps({name: _version(name) for name in PACKAGES}),
     }
+    file.attrs.update(attributes | totals)
+
+
+def _version(package: str) -> str | None:
+    """The version of a package; None for one that is used from a copied checkout."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
 
 
 def _frozen(sample: Sample, room: Site, camera: Camera, config: SetConfig, index: int) -> tuple[Sample, np.ndarray]:

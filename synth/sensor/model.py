@@ -22,10 +22,11 @@ from functools import cache
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError, check_one_of
+from kpopnet.errors import InputError, check_between, check_one_of
 from synth.sensor.film_noise import FilmFrame
 from synth.sensor.kernel import erase_ellipses, measure_pixels
 
+MOST = 1e6  # of any term, in its unit
 ELLIPSE_PX = (2.5, 5.0)  # range of the semi-axes of elliptic holes, native pixels
 LIMB_HOLE_RADIUS_M = (0.02, 0.06)
 LIMB_HOLE_DEPTH_M = 0.15  # largest difference in depth from the limb's end that a hole erases
@@ -136,9 +137,7 @@ class SensorConfig:
         check_one_of("sensor.name", self.name, _PUBLISHED)
         terms = _with_published(self)
         for name, value in terms.items():
-            low, high = -math.inf if name == "baseline_m" else 0, 1 if name in _FRACTIONS else math.inf
-            if not (low <= value <= high and math.isfinite(value)):
-                raise InputError(f"sensor.{name} must be a finite number in {low}..{high}, not {value}")
+            check_between(f"sensor.{name}", value, -MOST if name == "baseline_m" else 0, 1 if name in _FRACTIONS else MOST)
         if 0 < terms["max_range_m"] <= terms["min_range_m"]:
             raise InputError(f"sensor.max_range_m={terms['max_range_m']} must exceed sensor.min_range_m={terms['min_range_m']}")
         for needed, names in _NEEDED_BY.items():
