@@ -73,28 +73,13 @@ def parse_range(text: str, num_shards: int) -> range:
 
 
 @dataclass(frozen=True)
-class SplitSizes:
-    """Samples in each split. The splits share no person and no motion.
-
-    Attributes:
-        train: number of training samples.
-        validation: number of validation samples.
-        test: number of test samples.
-    """
-
-    train: int = 0
-    validation: int = 0
-    test: int = 0
-
-
-@dataclass(frozen=True)
 class GenerateConfig(SampleConfig):
     """The settings of `python -m synth`: those of its samples, and what is made of them.
 
     Attributes:
         out: folder for the splits' folders.
         seed: of everything random.
-        splits: number of samples in each split.
+        splits: number of samples in each split: train, validation and test, which share no person and no motion.
         frozen: splits whose noisy depth and ridge images are stored; the others store the clean render.
         shard_size: samples in one file.
         shards: "all", or the range "first:end" of shards to make in this run.
@@ -106,7 +91,7 @@ class GenerateConfig(SampleConfig):
 
     out: str = "data/small"
     seed: int = 0
-    splits: SplitSizes = field(default_factory=SplitSizes)
+    splits: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SPLITS, 0))
     frozen: list[str] = field(default_factory=lambda: ["test"])
     shard_size: int = 1000
     shards: str = "all"
@@ -117,11 +102,10 @@ class GenerateConfig(SampleConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        unknown = set(self.frozen) - set(SPLITS)
-        if unknown:
-            raise InputError(f"frozen={self.frozen}: {sorted(unknown)} are no splits; choose from {', '.join(SPLITS)}")
+        if unknown := {*self.frozen, *self.splits} - set(SPLITS):
+            raise InputError(f"frozen and splits: {sorted(unknown)} are no splits; choose from {', '.join(SPLITS)}")
         parse_range(self.shards, 0)
-        if self.splits == SplitSizes(0, 0, 0):
+        if not any(self.splits.values()):
             raise InputError("every split has size 0: choose a preset, or set for instance splits.train=1000")
 
     def sets(self) -> list[SetConfig]:
@@ -131,7 +115,7 @@ class GenerateConfig(SampleConfig):
         look = FreezeConfig(self.sensor, self.extraction, self.ridge)
         return [
             SetConfig(SampleConfig(**sample), self.seed, split, count, self.shard_size, look if split in self.frozen else None)
-            for split, count in asdict(self.splits).items()
+            for split, count in self.splits.items()
             if count
         ]
 

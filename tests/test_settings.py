@@ -16,9 +16,10 @@ from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.ridge import RidgeConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 from kpopnet.training.loop import TrainingConfig
-from synth.__main__ import parse_range
+from synth.__main__ import GenerateConfig, parse_range
 from synth.dances.simulate import KpopSimConfig
 from synth.motion import MotionConfig
+from synth.samples.observe import Observer
 from synth.samples.placing import StageConfig
 from synth.samples.sampler import CameraConfig
 from synth.sensor.model import SensorConfig
@@ -51,6 +52,10 @@ TOLD = {
     r"sensor\.lateral_px needs a sensor\.native_focal_px": partial(SensorConfig, "ideal", lateral_px=1.0),
     r"sensor\.lateral_grazing_px needs a sensor\.native": partial(SensorConfig, "ideal", lateral_grazing_px=1.0),
     r"camera\.name=gopro": CameraConfig("gopro").build,
+    r"^other_sensors=.*expected probabilities of ideal, ": partial(Observer, *[None] * 4, {"kinect_v1": 0.6, "kinect_2": 0.6}),
+    r"^other_sensors=.*gopro": partial(Observer, *[None] * 4, {"gopro": 0.1}),
+    r"^frozen and splits: \['exam'\] are no splits; choose from train": partial(GenerateConfig, splits={"exam": 3}),
+    r"^every split has size 0": GenerateConfig,
     r"shards=five: give .*0:100": partial(parse_range, "five", 9),
     r"shards=5:5: the first number": partial(parse_range, "5:5", 9),
     r"stage\.distance_m": partial(StageConfig, distance_m=(3, 2)),

@@ -48,7 +48,7 @@ from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.hydra_app import OutputFolder, command_line_settings, entry_point, register_choices, resumed_config
 from kpopnet.training.finder import FinderTraining, train_finder
 from kpopnet.training.loop import RunConfig, refuse_other_run, train
-from synth.samples.observe import ExtractionConfig, Observer, OtherSensors
+from synth.samples.observe import ExtractionConfig, Observer
 from synth.sensor.model import SENSORS, SensorConfig
 
 log = logging.getLogger(__name__)
@@ -77,7 +77,7 @@ class ObservationConfig:
 
     Attributes:
         sensor: noise of the depth sensor, drawn again in every epoch.
-        other_sensors: probability, for each image, that another sensor measures it instead.
+        other_sensors: probability, for each image, that another sensor, by its name, measures it instead.
         extraction: errors of the silhouettes, drawn again in every epoch.
         data: where the samples are.
         crops: folder with person crops in train/ and validation/ (`kpopnet.data.person_crops`), which are added to the samples.
@@ -87,7 +87,7 @@ class ObservationConfig:
     """
 
     sensor: SensorConfig = field(default_factory=SensorConfig)
-    other_sensors: OtherSensors = field(default_factory=OtherSensors)
+    other_sensors: dict[str, float] = field(default_factory=lambda: dict.fromkeys(SENSORS, 0.0))
     extraction: ExtractionConfig = field(default_factory=ExtractionConfig)
     data: DataConfig = field(default_factory=DataConfig)
     crops: str | None = None

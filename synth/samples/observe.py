@@ -4,7 +4,7 @@ The person is composited into the empty room, and only the surroundings of the p
 label of a pixel (person or room) moves with the sensor's lateral noise, so outlines are as noisy as the depth.
 """
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -68,27 +68,6 @@ class ExtractionConfig:
 
 
 @dataclass(frozen=True)
-class OtherSensors:
-    """Probabilities that an image is measured by another sensor than the set's.
-
-    Attributes:
-        ideal: nothing but the segmentation fails.
-        kinect_v1: a Kinect v1.
-        kinect_2: a Kinect 2.
-        swissranger: a SwissRanger.
-    """
-
-    ideal: float = 0.0
-    kinect_v1: float = 0.0
-    kinect_2: float = 0.0
-    swissranger: float = 0.0
-
-    def __post_init__(self) -> None:
-        if min(asdict(self).values()) < 0 or not sum(asdict(self).values()) <= 1:
-            raise InputError(f"other_sensors={asdict(self)}: expected probabilities whose sum is at most 1")
-
-
-@dataclass(frozen=True)
 class FreezeConfig:
     """How the samples of a frozen set are measured and segmented before they are stored."""
 
@@ -114,7 +93,12 @@ class Observer:
     sensor: SensorConfig
     extraction: ExtractionConfig
     seed: int
-    other_sensors: OtherSensors = field(default_factory=OtherSensors)
+    other_sensors: dict[str, float] = field(default_factory=dict)  # probabilities that another one of SENSORS measures an image
+
+    def __post_init__(self) -> None:
+        shares = self.other_sensors
+        if shares.keys() - SENSORS.keys() or min(shares.values(), default=0) < 0 or not sum(shares.values()) <= 1:
+            raise InputError(f"other_sensors={shares}: expected probabilities of {', '.join(SENSORS)} whose sum is at most 1")
 
     def __len__(self) -> int:
         return len(self.shards)
@@ -130,7 +114,7 @@ class Observer:
 
     def _sensor(self, index: int, epoch: int) -> SensorConfig:
         drawn, below = np.random.default_rng([SENSOR_STREAM, self.seed, epoch, index]).random(), 0.0
-        for name, probability in asdict(self.other_sensors).items():
+        for name, probability in self.other_sensors.items():
             below += probability
             if drawn < below:
                 return SENSORS[name]

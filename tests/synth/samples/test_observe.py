@@ -9,7 +9,7 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.skeleton import Joint
-from synth.samples.observe import ExtractionConfig, FreezeConfig, Observer, OtherSensors, freeze, observe_sample
+from synth.samples.observe import ExtractionConfig, FreezeConfig, Observer, freeze, observe_sample
 from synth.sensor.model import SENSORS
 
 PERFECT = ExtractionConfig(**dict.fromkeys(vars(ExtractionConfig()), 0))
@@ -169,7 +169,7 @@ def test_hair_that_returns_nothing_is_missing_in_all_images_of_a_person_and_abov
 def test_other_sensors_measure_their_share_and_only_that(shards):
     plain, some, other = (
         [Observer(shards, IDEAL, PERFECT, 3, others).observe(i, epoch).depth_m for epoch in range(8) for i in range(5)]
-        for others in (OtherSensors(), OtherSensors(kinect_v1=0.5), OtherSensors(kinect_v1=1.0))
+        for others in ({}, {"ideal": 0.0, "kinect_v1": 0.5}, {"kinect_v1": 1.0})
     )
     by_other = [not np.array_equal(found, expected) for found, expected in zip(some, plain, strict=True)]
     for found, expected, taken in zip(some, other, by_other, strict=True):
