@@ -22,7 +22,10 @@ CONFIDENT_WITHIN_M = 0.10
 HUBER_DELTA = 0.02
 """Error in cube units (2.3 cm at the default half size) below which the loss of the joints is quadratic, else linear."""
 
-CONFIDENCE_WEIGHT = 0.01
+GAUSSIAN_CELLS = 1.5
+"""Standard deviation of the target heatmap in cells."""
+
+CONFIDENCE_WEIGHT, HEATMAP_WEIGHT = 0.01, 0.01
 NECK_CHANNELS = 48
 Maps = tuple[Tensor, Tensor, Tensor]
 
@@ -32,18 +35,13 @@ class Prediction(NamedTuple):
 
     joints: Tensor  # (B, 15, 3) u, v, d in cube units
     confidence_logit: Tensor  # (B, 15); its sigmoid is the confidence
-    maps: dict[str, Tensor]  # other quantities that the head's loss needs, by name
+    log_p: Tensor | None = None  # (B, 15, cells) logarithms of the heatmaps, of a dense network
     person_logit: Tensor | None = None  # (B,); its sigmoid is the probability that the crop shows a person, where it is judged
 
     @property
     def confidence(self) -> Tensor:
         """(B, 15) in 0..1: the estimated probability that the joint lies within 10 cm of the ground truth."""
         return torch.sigmoid(self.confidence_logit)
-
-
-def joints_loss(joints: Tensor, target: Tensor) -> Tensor:
-    """Smooth L1 (Huber loss divided by `HUBER_DELTA`), the mean over all coordinates."""
-    return functional.smooth_l1_loss(joints, target, beta=HUBER_DELTA)
 
 
 def confidence_loss(prediction: Prediction, target: Tensor, half_size_m: float) -> Tensor:
@@ -129,9 +127,8 @@ class HolisticHead(nn.Module):
 
     HIDDEN = 256
 
-    def __init__(self, widths: tuple[int, int, int], crop_px: int, half_size_m: float) -> None:
+    def __init__(self, widths: tuple[int, int, int], crop_px: int) -> None:
         super().__init__()
-        self.half_size_m = half_size_m
         features = widths[-1] * (crop_px // STRIDES[-1]) ** 2
         self.layers = nn.Sequential(
             nn.Flatten(), nn.Linear(features, self.HIDDEN), nn.ReLU(), nn.Linear(self.HIDDEN, NUM_JOINTS * 4)
@@ -142,14 +139,7 @@ class HolisticHead(nn.Module):
         joints = last(features).view(-1, NUM_JOINTS, 4)[..., :3]
         # Detached: the confidence judges the features, and does not shape them (confidence_loss).
         logit = last(features.detach()).view(-1, NUM_JOINTS, 4)[..., 3]
-        return Prediction(joints, logit, {})
-
-    def loss(self, prediction: Prediction, target: Tensor) -> dict[str, Tensor]:
-        """The terms of the loss, by name; the loss is their sum."""
-        return {
-            "joints": joints_loss(prediction.joints, target),
-            "confidence": confidence_loss(prediction, target, self.half_size_m),
-        }
+        return Prediction(joints, logit)
 
 
 @lru_cache(maxsize=8)
@@ -169,15 +159,9 @@ class DenseHead(nn.Module):
     dense heads, A2J's anchors and votes of body pixels, had larger errors on the same data (docs/ledger.md).
     """
 
-    GAUSSIAN_CELLS = 1.5
-    """Standard deviation of the target heatmap in cells."""
-
-    HEATMAP_WEIGHT = 0.01
-
-    def __init__(self, widths: tuple[int, int, int], _crop_px: int, half_size_m: float) -> None:
+    def __init__(self, widths: tuple[int, int, int], _crop_px: int) -> None:
         """The weights do not depend on the size of the crops."""
         super().__init__()
-        self.half_size_m = half_size_m
         self.neck = Neck(widths, NECK_CHANNELS)
         self.maps = nn.Conv2d(NECK_CHANNELS, NUM_JOINTS * 4, 1)
 
@@ -193,20 +177,16 @@ class DenseHead(nn.Module):
         uv = p @ grid(features.shape[-1], features.device).T  # (B, J, 2)
         d = (q * depth).sum(-1, keepdim=True)
         logit = (p.detach() * confidence).sum(-1)
-        return Prediction(torch.cat([uv, d], dim=-1), logit, {"log_p": log_p})
+        return Prediction(torch.cat([uv, d], dim=-1), logit, log_p)
 
-    def loss(self, prediction: Prediction, target: Tensor) -> dict[str, Tensor]:
-        """The terms of the loss, by name; the loss is their sum."""
-        log_p = prediction.maps["log_p"]
-        size = math.isqrt(log_p.shape[-1])
-        # (B, J, 2, cells) offsets to the joint in cells
-        cells = (target[..., :2, None] - grid(size, target.device)) * (size / 2)
-        truth = torch.softmax(-cells.square().sum(2) / (2 * self.GAUSSIAN_CELLS**2), dim=-1)
-        return {
-            "joints": joints_loss(prediction.joints, target),
-            "heatmap": -self.HEATMAP_WEIGHT * (truth * log_p).sum(-1).mean(),
-            "confidence": confidence_loss(prediction, target, self.half_size_m),
-        }
+
+def heatmap_loss(log_p: Tensor, target: Tensor) -> Tensor:
+    """Cross-entropy between heatmaps and Gaussians about the true joints."""
+    size = math.isqrt(log_p.shape[-1])
+    # (B, J, 2, cells) offsets to the joint in cells
+    cells = (target[..., :2, None] - grid(size, target.device)) * (size / 2)
+    truth = torch.softmax(-cells.square().sum(2) / (2 * GAUSSIAN_CELLS**2), dim=-1)
+    return -HEATMAP_WEIGHT * (truth * log_p).sum(-1).mean()
 
 
 class PersonHead(nn.Module):
@@ -248,7 +228,7 @@ class PoseNetwork(nn.Module):
         self.config = config
         widths = tuple(config.widths)
         self.encoder = Encoder(INPUTS[config.input], widths)
-        self.head = HEADS[config.kind](widths[1:], config.crop_px, config.half_size_m)
+        self.head = HEADS[config.kind](widths[1:], config.crop_px)
         self.person: PersonHead | None = None
 
     def forward(self, crop: Tensor) -> Prediction:
@@ -257,6 +237,13 @@ class PoseNetwork(nn.Module):
             maps = self.encoder(crop)
         seen = self.head(tuple(x.float() for x in maps))
         return seen if self.person is None else seen._replace(person_logit=self.person(maps[-1], seen.confidence_logit))
+
+    def loss(self, prediction: Prediction, target: Tensor) -> dict[str, Tensor]:
+        """The terms of the loss, by name; the loss is their sum."""
+        terms = {"joints": functional.smooth_l1_loss(prediction.joints, target, beta=HUBER_DELTA)}
+        if prediction.log_p is not None:
+            terms["heatmap"] = heatmap_loss(prediction.log_p, target)
+        return terms | {"confidence": confidence_loss(prediction, target, self.config.half_size_m)}
 
 
 def build_network(config: ModelConfig, seed: int = 0) -> PoseNetwork:

@@ -192,7 +192,7 @@ class Run(Descent):
         # Step
         self.network.train()
         prediction = self.data_parallel(crop)
-        losses = self.network.head.loss(prediction, target)
+        losses = self.network.loss(prediction, target)
         loss = sum(losses.values())
         norm, lr = self.descend(loss)
 

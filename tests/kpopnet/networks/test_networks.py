@@ -25,7 +25,7 @@ def test_predictions_and_gradients(kind, name, channels, px):
     assert prediction.joints.dtype == torch.float32
     assert prediction.confidence.shape == (3, 15)
     assert ((prediction.confidence >= 0) & (prediction.confidence <= 1)).all()
-    losses = network.head.loss(prediction, torch.zeros(3, 15, 3))
+    losses = network.loss(prediction, torch.zeros(3, 15, 3))
     assert all(value.ndim == 0 and value >= 0 for value in losses.values())
     sum(losses.values()).backward()
     assert all(weight.grad is not None and weight.grad.isfinite().all() for weight in network.parameters())
@@ -36,7 +36,7 @@ def test_predictions_and_gradients(kind, name, channels, px):
 def test_the_loss_of_the_confidence_trains_only_the_confidence(kind):
     """Of the last layer, the rows of the confidence; of the encoder and the joints nothing."""
     network = build_network(ModelConfig(kind, **SMALL))
-    network.head.loss(network(crops()), torch.zeros(3, 15, 3))["confidence"].backward()
+    network.loss(network(crops()), torch.zeros(3, 15, 3))["confidence"].backward()
     last = network.head.maps if kind == "dense" else network.head.layers[-1]
     trained = [name for name, weight in network.named_parameters() if weight.grad is not None and weight.grad.abs().sum() > 0]
     assert trained == [name for name, weight in network.named_parameters() if weight is last.weight or weight is last.bias]
@@ -50,8 +50,8 @@ def test_the_loss_is_the_mean_over_samples(kind):
     """Therefore the mean over processes is the loss of the whole batch."""
     network = build_network(ModelConfig(kind, **SMALL)).eval()
     crop, target = crops(4), torch.rand(4, 15, 3) - 0.5
-    whole = network.head.loss(network(crop), target)
-    parts = [network.head.loss(network(crop[i : i + 2]), target[i : i + 2]) for i in (0, 2)]
+    whole = network.loss(network(crop), target)
+    parts = [network.loss(network(crop[i : i + 2]), target[i : i + 2]) for i in (0, 2)]
     for name, value in whole.items():
         torch.testing.assert_close(value, (parts[0][name] + parts[1][name]) / 2)
 

@@ -40,7 +40,7 @@ def gradient(device: str) -> tuple[torch.Tensor, list[torch.dtype]]:
     run.network.encoder.register_forward_hook(lambda module, inputs, maps: types.extend(x.dtype for x in maps))
     run.network.train()
     crop = batch.crop.crops(torch.device(device)) if patches else batch.crop
-    losses = run.network.head.loss(run.data_parallel(crop), batch.target.to(device))
+    losses = run.network.loss(run.data_parallel(crop), batch.target.to(device))
     sum(losses.values()).backward()
     return torch.cat([weight.grad.flatten() for weight in run.network.parameters()]).cpu(), types
 
