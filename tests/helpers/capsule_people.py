@@ -8,7 +8,7 @@ from kpopnet.data.observation import Observation
 from kpopnet.skeleton import BONES, NUM_JOINTS, Joint
 
 CAMERA = Camera.centred(140.0, 160, 120)
-BALLS_PER_BONE = 8
+BALLS_PER_BONE, RADIUS_M = 8, 0.06
 
 STANDING_M = {
     Joint.HEAD: (0, -0.65, 0),
@@ -47,13 +47,13 @@ def draw_joints(rng: np.random.Generator) -> np.ndarray:
     return (body @ turn.T + (*rng.uniform(-0.2, 0.2, 2), rng.uniform(2.6, 3.0))).astype(np.float32)
 
 
-def draw_depth(joints_camera_m: np.ndarray, camera: Camera = CAMERA, radius_m: float = 0.06) -> np.ndarray:
+def draw_depth(joints_camera_m: np.ndarray) -> np.ndarray:
     """(H, W) float32 metres: balls along the bones; nearer balls occlude farther ones."""
     share = np.linspace(0, 1, BALLS_PER_BONE)[:, None]
     balls = np.concatenate([joints_camera_m[a] * (1 - share) + joints_camera_m[b] * share for a, b in BONES])
-    depth = np.zeros((camera.height, camera.width), np.float32)
-    for u, v, z in camera.project(balls[np.argsort(-balls[:, 2])]):
-        cv2.circle(depth, (round(u), round(v)), round(camera.fx * radius_m / z), float(z - radius_m), -1)
+    depth = np.zeros((CAMERA.height, CAMERA.width), np.float32)
+    for u, v, z in CAMERA.project(balls[np.argsort(-balls[:, 2])]):
+        cv2.circle(depth, (round(u), round(v)), round(CAMERA.fx * RADIUS_M / z), float(z - RADIUS_M), -1)
     return depth
 
 

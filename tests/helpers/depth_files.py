@@ -110,11 +110,11 @@ class SoftwareCamera:
         self._sensor.on_video_frame(frame)
 
 
-def write_bag(path: Path, images: np.ndarray, unit_m: float = 0.001, camera: Camera = CAMERA) -> Path:
+def write_bag(path: Path, images: np.ndarray, unit_m: float = 0.001) -> Path:
     """Records a simulated RealSense camera with the maker's library."""
     import pyrealsense2 as rs
 
-    source = SoftwareCamera(unit_m, camera)
+    source = SoftwareCamera(unit_m)
     recorder = rs.recorder(str(path), source.device)
     recorded, queue = recorder.query_sensors()[0], rs.frame_queue(len(images))
     recorded.open(recorded.get_stream_profiles()[0])

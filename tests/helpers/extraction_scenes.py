@@ -13,9 +13,9 @@ CAMERA = Camera.centred(140.0, 160, 120)
 LOWERED_M = 0.02  # lowers the standing body onto the floor
 
 
-def room(*boxes: tuple[int, int, int, int, float], camera: Camera = CAMERA) -> np.ndarray:
+def room(*boxes: tuple[int, int, int, int, float]) -> np.ndarray:
     """(H, W) float32 metres: a floor, a wall, and the front faces of boxes (x0, y0, x1, y1 in pixels, depth in metres)."""
-    depth = draw_room(camera)
+    depth = draw_room(CAMERA)
     for x0, y0, x1, y1, z in boxes:
         part = depth[y0:y1, x0:x1]
         np.minimum(part, np.float32(z), out=part)
