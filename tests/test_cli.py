@@ -65,3 +65,4 @@ def test_the_programs_work_from_an_installed_package(tmp_path):
     command = [sys.executable, "-P", "-m", "kpopnet.cli", "generate", "benchmark=kpop_sim", "--cfg", "job"]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.returncode == 0 and "dances: 100" in done.stdout, done.stderr
+    assert "  seed: 2018  # another seed gives other dances, people and errors." in done.stdout  # of this benchmark, no other

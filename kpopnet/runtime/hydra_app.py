@@ -83,7 +83,7 @@ def entry_point(
                 printed = io.StringIO()
                 with contextlib.redirect_stdout(printed):
                     job()
-                print(with_comments(printed.getvalue(), settings(schema) | _group_texts))
+                print(with_comments(printed.getvalue(), settings(schema) | _texts_of_groups(printed.getvalue())))
                 return
             try:
                 job()
@@ -163,8 +163,9 @@ def command_line_settings() -> list[str]:
     return [override.split("=")[0].lstrip("+~") for override in HydraConfig.get().overrides.task]
 
 
-_group_texts: dict[str, str] = {}
-"""What the settings of registered schemas mean, by their dotted names in the whole configuration."""
+_group_texts: dict[tuple[str, str], dict[str, str]] = {}
+"""What the settings of each registered schema mean, by their dotted names in the whole configuration, of which a prefix and the
+schema's own name are the key."""
 
 _group_help: dict[type, dict[str, str]] = {}
 """The same for --help, where a schema that several names share stands once."""
@@ -180,8 +181,15 @@ def register_schemas(group: str, schemas: Mapping[str, Any], *, place: str | Non
         prefix = f"{place or group}.{name}." if by_name else f"{place or group}."
         kind = schema if isinstance(schema, type) else type(schema)
         texts = settings(kind, prefix)
-        _group_texts.update(texts)
+        _group_texts[prefix, name] = texts
         _group_help.setdefault(kind, texts)
+
+
+def _texts_of_groups(yaml: str) -> dict[str, str]:
+    """Those of a configuration: of schemas with a `name` in one place, only of the one that is there."""
+    config = OmegaConf.create(yaml)
+    texts = {key: one for key, one in _group_texts.items() if OmegaConf.select(config, f"{key[0]}name") in (None, key[1])}
+    return dict(ChainMap(*reversed(texts.values())))
 
 
 def register_choices(group: str, names: Iterable[str]) -> None:
