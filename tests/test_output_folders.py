@@ -14,6 +14,8 @@ from kpopnet.runtime import cpu
 from kpopnet.runtime.folder_lock import LOCK_FILE, locked
 
 SYNTH = ("-m", "synth", "renderer=cpu", "motion=poses", "splits.validation=0", "splits.test=0", "seed=5")
+TWO_SHARDS = ("splits.train=40", "shard_size=20", "processes=1")
+"""The first test makes the first one, so that numba's cache holds all kernels when the disk is full in another."""
 TRAIN = (
     "train.py", "model.crop_px=32", "model.widths=[8,8,16,16]", "training.batch_size=4", "training.validate_every=2",
     "training.validation_samples=4", "training.steps=4", "workers=0", "threads=1", "device=cpu",
@@ -44,11 +46,11 @@ def refusal(*words: str, most_bytes: int = -1) -> str:
 
 
 def test_two_generators_share_a_folder_by_ranges_and_not_otherwise(tmp_path):
-    settings, folder = (*SYNTH, f"out={tmp_path}", "splits.train=20", "shard_size=10", "processes=1"), tmp_path / "train"
-    with locked(folder, f"{LOCK_FILE}_0-1"):  # as one does that makes the first shard
-        assert f"{folder}: another process writes there" in refusal(*settings, "shards=0:1")
-        code, errors = run(*settings, "shards=1:2")
-    assert code == 0 and (folder / "shard_00001.h5").exists(), errors
+    settings, folder = (*SYNTH, f"out={tmp_path}", *TWO_SHARDS), tmp_path / "train"
+    with locked(folder, f"{LOCK_FILE}_1-2"):  # as one does that makes the second shard
+        assert f"{folder}: another process writes there" in refusal(*settings, "shards=1:2")
+        code, errors = run(*settings, "shards=0:1")
+    assert code == 0 and (folder / "shard_00000.h5").exists(), errors
 
 
 @pytest.mark.parametrize(
@@ -76,7 +78,7 @@ def test_a_thousand_workers_are_bounded_and_a_line_says_so(monkeypatch, capsys):
 
 
 def test_a_full_disk_ends_the_generator_with_one_line_and_it_goes_on_later(tmp_path):
-    settings = (*SYNTH, f"out={tmp_path}", "splits.train=40", "shard_size=20", "processes=1")
+    settings = (*SYNTH, f"out={tmp_path}", *TWO_SHARDS)
     line = refusal(*settings, most_bytes=20_000)
     assert str(tmp_path / "train" / "shard_0000") in line and "larger than a file may be here" in line
     assert not [path for path in (tmp_path / "train").iterdir() if path.suffix == ".tmp"]

@@ -22,7 +22,7 @@ from kpopnet.data.made_sets import claim_folder
 from kpopnet.networks import WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.over_time import Measured
-from kpopnet.pose.person import MODES, DetectedPerson
+from kpopnet.pose.person import DetectedPerson
 from kpopnet.rotations import conjugate, multiply, rotate, turns
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
@@ -104,7 +104,7 @@ class Learners:
         else:
             motion = FAULTS[fault](self.set.teacher_motion(dance), size)
         packed, true_m = self.set.record(dance, number, self.set.take(dance, number, motion))
-        person, rows = DetectedPerson(packed.camera, self.network, MODES["realtime"]), []
+        person, rows = DetectedPerson(packed.camera, self.network, "realtime"), []
         sizes = np.prod(packed.boxes[:, 2:] - packed.boxes[:, :2], axis=1)
         for (x0, y0, x1, y1), part in zip(packed.boxes, np.split(packed.depth_mm, np.cumsum(sizes)[:-1]), strict=True):
             whole = np.zeros((1, packed.camera.height, packed.camera.width), np.float32)

@@ -19,7 +19,7 @@ from kpopnet.data.made_sets import claim_folder
 from kpopnet.human import Human, Look
 from kpopnet.networks import WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.pose.person import MODES, DetectedPerson
+from kpopnet.pose.person import DetectedPerson
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import MIRROR
@@ -88,7 +88,7 @@ class Films:
         if take is None:
             return None
         camera, rows = CAMERAS["eval"], []
-        people = {prefix: DetectedPerson(camera, self.network, MODES["realtime"]) for prefix in ("", "mirror_")}
+        people = {prefix: DetectedPerson(camera, self.network, "realtime") for prefix in ("", "mirror_")}
         covered = _covered(self._rng(index, 2), len(take), self.split == "train")
         noise, sensor = FilmNoise((*self.seed, index, 3)), SENSORS[choose(self._rng(index, 4), FILMED_BY)]
         for number, shot in enumerate(self.studio.shots(take, sensor, noise, range(len(take)))):
