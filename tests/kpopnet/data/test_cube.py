@@ -118,6 +118,13 @@ def test_the_centre_is_the_median_of_the_points():
     assert person_centre(few, CAMERA) is None
 
 
+def test_the_crops_camera_projects_to_the_crop():
+    joints, _, cube = person(4)
+    u, v, _ = np.moveaxis(cube.camera(96).project(joints), -1, 0)
+    expected = (cube.to_uvd(joints)[:, :2] + 1) * 48 - 0.5
+    np.testing.assert_allclose(np.stack([u, v], -1), expected, atol=1e-3)
+
+
 def test_images_of_another_size_than_the_cameras_are_refused():
     depth_m, cube = np.ones((CAMERA.height, CAMERA.width), np.float32), Cube(np.array([0, 0, 3], np.float32), 1.0)
     for refused in (lambda: person_centre(depth_m.T, CAMERA), lambda: crop(depth_m, CAMERA, cube, 8, ridge=depth_m[:-1])):

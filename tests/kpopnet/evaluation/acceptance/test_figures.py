@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from cone_people import cone_joints
 from scipy.spatial.transform import Rotation
+from two_people_files import write_two_people
 
 from kpopnet.camera import Camera
+from kpopnet.errors import InputError
 from kpopnet.evaluation.acceptance.figures import exchanges, false_people, figures, script_fault
-from kpopnet.evaluation.acceptance.watched import Kept, Watched, surfaces_m2
+from kpopnet.evaluation.acceptance.watched import Kept, Watched, stored_truth, surfaces_m2
 from kpopnet.skeleton import MIRROR, Joint
 
 FPS = 30
@@ -164,3 +166,10 @@ def test_the_surface_before_the_empty_room_is_that_of_who_came_in() -> None:
     assert (areas_m2[:8] == 0).all()
     assert areas_m2[8:11] == pytest.approx([100 * 120 * 4 / 300**2] * 3, rel=0.05)
     assert np.isnan(areas_m2[11])  # nothing was measured: no empty room
+
+
+def test_the_truth_of_two_people_is_refused(tmp_path):
+    write_two_people(tmp_path, 1)
+    (path,) = tmp_path.rglob("*.h5")
+    with pytest.raises(InputError, match=r"pair_00.*expected a film of one person"):
+        stored_truth(path)
