@@ -75,13 +75,15 @@ def test_averages_take_the_same_time_at_every_rate():
         np.testing.assert_allclose(differences_m[2], (start_m - end_m) / np.e, atol=1e-9)
 
 
-def test_turned_and_mirrored_people_get_turned_and_mirrored_joints():
+def test_turned_and_mirrored_people_get_turned_and_mirrored_joints_and_chances():
     measured, network = film(3), drawn()
     turn = np.array([[0.8, 0, -0.6], [0, 1, 0], [0.6, 0, 0.8]]) * [[-1], [1], [1]]
     turned = Measured(*(one[:, MIRROR] @ turn for one in measured[:2]), *(one[:, MIRROR] for one in measured[2:]))
-    plain_m, _ = network(*read(measured, TIMES_S, future=False))
-    found_m, _ = network(*read(turned, TIMES_S, future=False))
+    plain_m, plain_chance = network(*read(measured, TIMES_S, future=False))
+    found_m, found_chance = network(*read(turned, TIMES_S, future=False))
     np.testing.assert_allclose(found_m, plain_m[:, MIRROR] @ turn, atol=1e-4)
+    np.testing.assert_allclose(found_chance, plain_chance[:, MIRROR], atol=1e-4)
+    assert ((plain_chance > 0) & (plain_chance < 1)).all()
     assert (KINDS.sum(axis=1) == 1).all()
 
 
