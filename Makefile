@@ -39,9 +39,11 @@ demo: $(READY)
 teach: $(READY)
 	$(BIN)/kpopnet teach
 
-# One thread for each process of pytest; the programs that tests start share their bytecode, also where an image keeps none.
+# One process more than cores, as some tests wait, with a thread each; more would compile more kernels twice. The programs that tests
+# start share their bytecode, also where an image keeps none.
 test: $(READY)
-	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest --dist loadfile --no-loadscope-reorder \
+		--numprocesses $$($(BIN)/python -c 'from kpopnet.runtime.cpu import available_cores; print(min(available_cores() + 1, 4))')
 
 speed: $(READY)
 	$(BIN)/python -m tests.speed

@@ -8,7 +8,7 @@ from fuzz.runner import fuzz
 from planted import planted
 from programs import ROOT
 
-CASES = 10
+CASES = 5
 """Of each format."""
 
 
