@@ -9,6 +9,7 @@ from stand_ins import film_of
 
 from kpopnet.camera import CAMERAS
 from kpopnet.estimator import Estimate
+from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, Joint
 from kpopnet.tracker.tracker import FLIP_STRIDE, Tracker
@@ -104,6 +105,28 @@ def still(joints: np.ndarray, frames: int) -> np.ndarray:
 
 def empty(frames: int) -> np.ndarray:
     return np.zeros((frames, CAMERA.height, CAMERA.width), np.float32)
+
+
+@pytest.mark.parametrize(("right", "down"), [(3, 0), (-4, 2)])
+def test_shifting_image_and_camera_keeps_the_joints(dancer, right: int, down: int) -> None:
+    """Shifted by whole grid cells, with the person inside the image: the same points up to rounding."""
+    joints, depth = dancer
+    side_px = int(build_depth_grid(depth[0], CAMERA).intrinsics[4])
+    by_x, by_y = side_px * right, side_px * down
+    moved = np.roll(depth[:5], (by_y, by_x), axis=(1, 2))
+    camera = CAMERA.cropped(-by_x, -by_y, CAMERA.width, CAMERA.height)
+    found, _ = tracked(Tracker(camera), moved, joints[0])
+    np.testing.assert_allclose(found, tracked(Tracker(CAMERA), depth[:5], joints[0])[0], atol=1e-6)
+
+
+def test_a_mirrored_image_gives_mirrored_joints(dancer) -> None:
+    """Not exact: a cell's middle column may be another one in the mirror image; and right is processed first."""
+    joints, depth = dancer
+    mirror = np.array((-1, 1, 1))
+    mirrored, _ = tracked(Tracker(CAMERA.mirrored()), np.ascontiguousarray(depth[..., ::-1]), (joints[0] * mirror)[MIRROR])
+    plain, _ = tracked(Tracker(CAMERA), depth, joints[0])
+    difference = error_m((mirrored * mirror)[:, MIRROR], plain)
+    assert difference.mean() < 0.02 and np.quantile(difference, 0.95) < 0.06
 
 
 @pytest.mark.parametrize("away", [0, 12], ids=["images missing", "hidden"])
