@@ -1,7 +1,8 @@
 """Poses the teacher's body after fifteen joints: for dances that are known by their joints alone, and for the learner's replay.
 
-Each bone is turned by the smallest rotation, after its parent, that gives it the direction of the joints at its ends. What
-fifteen joints do not show (the twist of a limb, hands, feet) stays as at rest.
+Each bone is turned by the smallest rotation, after its parent, that gives it the direction of the joints at its ends; then
+about itself, so that elbows and knees bend as hinges do. Collarbones follow the arms, and a foot near the floor is level. What
+fifteen joints do not show (the twist of a straight limb, hands) stays as at rest.
 """
 
 from typing import NamedTuple
@@ -20,13 +21,25 @@ TO_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]).T
 """Multiplies row vectors in a level camera's frame (x right, y down, z forward): x right, y forward, z up."""
 
 _LIMBS = tuple(
-    (side, bone, getattr(Joint, f"{side.upper()}_{begin}"), getattr(Joint, f"{side.upper()}_{end}"))
-    for side in ("Left", "Right")
-    for bone, begin, end in (
-        ("Arm", "SHOULDER", "ELBOW"), ("ForeArm", "ELBOW", "HAND"), ("UpLeg", "HIP", "KNEE"), ("Leg", "KNEE", "FOOT"),
+    (side, upper, lower, [getattr(Joint, f"{side.upper()}_{name}") for name in joints], np.array(axis))
+    for side, outwards in (("Left", 1.0), ("Right", -1.0))
+    for upper, lower, joints, axis in (
+        ("Arm", "ForeArm", ("SHOULDER", "ELBOW", "HAND"), (0.0, 0.0, -outwards)),
+        ("UpLeg", "Leg", ("HIP", "KNEE", "FOOT"), (1.0, 0.0, 0.0)),
     )
-)  # fmt: skip
-"""Side, bone, and the joints at the bone's ends."""
+)
+"""Side, the two bones, the joints at their ends, and the axis in the T-pose about which the lower one bends: a forearm
+forwards, a shin backwards."""
+
+STRAIGHT, BENT = 0.2, 0.5
+"""Sines of the bend up to which a limb is too straight to show its hinge, and from which on it shows it."""
+
+COLLARBONE_FROM_RAD, COLLARBONE_LIFT, COLLARBONE_REACH = np.radians(40), 0.22, 0.12
+"""From which angle on a collarbone follows an arm that is lifted, its share of that, and of the angle by which the arm reaches
+forwards: as in `synth.motion.posture`."""
+
+TURNED_OUT_RAD = np.radians(7)
+"""How far straight legs turn outwards: as far as a standing person's feet."""
 
 SPINE = {"LowerBack": 1 / 3, "Spine": 2 / 3, "Spine1": 1.0}
 """Share of the rotation from hips to chest that each bone of the spine has reached."""
@@ -42,6 +55,9 @@ MAX_S = 900.0
 
 FLOOR_PERCENTILE = 10
 """Of the lower foot's height over a dance: where the floor is."""
+
+LEVEL_M, LIFTED_M = 0.03, 0.18
+"""A foot up to so high above where it stands is level, from so high on it hangs at the shin as at rest."""
 
 
 def posed(joints_m: np.ndarray, body: TeacherBody) -> tuple[np.ndarray, np.ndarray]:
@@ -100,23 +116,51 @@ def _world_rotations(joints_m: np.ndarray, body: TeacherBody) -> np.ndarray:
     def between(begin: int, end: int) -> np.ndarray:
         return joints_m[:, end] - joints_m[:, begin]
 
-    middle_of_hips = (joints_m[:, Joint.LEFT_HIP] + joints_m[:, Joint.RIGHT_HIP]) / 2
-    hips = _frame(between(Joint.RIGHT_HIP, Joint.LEFT_HIP), joints_m[:, Joint.TORSO] - middle_of_hips)
-    chest = _frame(between(Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER), between(Joint.TORSO, Joint.NECK))
+    hips, chest = (
+        _frame(*ends(joints_m)) @ _frame(*ends(body.joints_m[None].astype(np.float64)))[0].T for ends in (_pelvis, _chest)
+    )
     bones: dict[str, np.ndarray] = {"Hips": hips}
     for name, share in SPINE.items():
         blended = (1 - share) * hips + share * chest
         bones[name] = _frame(blended[..., 0], blended[..., 2])
     head = _swing(chest, _rest_direction(body, "Neck", Joint.NECK, Joint.HEAD), between(Joint.NECK, Joint.HEAD))
     bones |= {"Neck": chest, "Neck1": head, "Head": head}
-    for side, bone, begin, end in _LIMBS:
-        parent = {"Arm": "Spine1", "ForeArm": f"{side}Arm", "UpLeg": "Hips", "Leg": f"{side}UpLeg"}[bone]
-        rest = _rest_direction(body, f"{side}{bone}", begin, end)
-        bones[f"{side}{bone}"] = _swing(bones[parent], rest, between(begin, end))
+    for side, upper, lower, (begin, middle, end), hinge in _LIMBS:
+        directions = between(begin, middle), between(middle, end)
+        turned = _swing(
+            bones["Spine1" if upper == "Arm" else "Hips"], _rest_direction(body, side + upper, begin, middle), directions[0]
+        )
+        if upper == "UpLeg":
+            turned = turned @ Rotation.from_euler("z", TURNED_OUT_RAD * (1 if side == "Left" else -1)).as_matrix()
+        else:
+            bones[f"{side}Shoulder"] = bones["Spine1"] @ _collarbone(
+                bones["Spine1"], directions[0], 1 if side == "Left" else -1
+            )
+        bones[side + upper] = _hinged(turned, hinge, *directions)
+        bones[side + lower] = _swing(bones[side + upper], _rest_direction(body, side + lower, middle, end), directions[1])
+    feet_m = joints_m[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT], 2]
+    above_m = feet_m - np.percentile(feet_m.min(axis=1), FLOOR_PERCENTILE)
+    for side, lifted in zip(("Left", "Right"), np.clip((above_m - LEVEL_M) / (LIFTED_M - LEVEL_M), 0, 1).T, strict=True):
+        shin = bones[f"{side}Leg"]
+        bones[f"{side}Foot"] = _frame(shin[..., 0], np.array([0, 0, 1]) + lifted[:, None] * (shin[..., 2] - [0, 0, 1]))
     rotations = np.empty((len(joints_m), len(body.bone_names), 3, 3))
     for number, name in enumerate(body.bone_names.tolist()):
         rotations[:, number] = bones[name] if name in bones else rotations[:, body.bone_parents[number]]
     return rotations
+
+
+def _pelvis(joints_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(T, 3) directions to the left and up, of (T, 15, 3) joints."""
+    left, right = joints_m[:, Joint.LEFT_HIP], joints_m[:, Joint.RIGHT_HIP]
+    return left - right, joints_m[:, Joint.TORSO] - (left + right) / 2
+
+
+def _chest(joints_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same of the chest."""
+    return (
+        joints_m[:, Joint.LEFT_SHOULDER] - joints_m[:, Joint.RIGHT_SHOULDER],
+        joints_m[:, Joint.NECK] - joints_m[:, Joint.TORSO],
+    )
 
 
 def _rest_direction(body: TeacherBody, bone: str, begin: int, end: int) -> np.ndarray:
@@ -147,6 +191,27 @@ def _swing(parent: np.ndarray, rest: np.ndarray, wanted: np.ndarray) -> np.ndarr
     turn = np.eye(3) + skew + skew @ skew / np.maximum(1 + cosine, 1e-3)[:, None, None]
     left, _, right = np.linalg.svd(turn @ parent)  # orthonormal again
     return left @ right
+
+
+def _collarbone(chest: np.ndarray, arm: np.ndarray, outwards: int) -> np.ndarray:
+    """(T, 3, 3) rotations of a collarbone after the chest: it follows an arm that is lifted or reaches forwards."""
+    left, back, up = np.moveaxis(_unit((chest.transpose(0, 2, 1) @ arm[..., None])[..., 0], (0.0, 0.0, -1.0)), -1, 0)
+    aside, front = outwards * left, np.maximum(-back, 0)
+    raised = COLLARBONE_LIFT * np.maximum(np.arccos(np.clip(-up, -1, 1)) - COLLARBONE_FROM_RAD, 0)
+    reached = COLLARBONE_REACH * front * np.maximum(np.arctan2(front, aside), 0)
+    return Rotation.from_euler("zy", -outwards * np.stack([reached, raised], axis=1)).as_matrix()
+
+
+def _hinged(rotations: np.ndarray, axis: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """(T, 3, 3) rotations of upper bones, turned about themselves: a (3,) axis of the T-pose comes to the hinge about which the
+    lower ones are bent, the nearer the more they are. (T, 3) directions of both.
+    """
+    along = _unit(upper, (0.0, 0.0, 1.0))
+    wanted = np.cross(along, _unit(lower, (0.0, 0.0, 1.0)))
+    weight = np.clip((np.linalg.norm(wanted, axis=1) - STRAIGHT) / (BENT - STRAIGHT), 0, 1)
+    present = rotations @ axis
+    angle = np.arctan2((np.cross(present, wanted) * along).sum(axis=1), (present * wanted).sum(axis=1))
+    return Rotation.from_rotvec(along * (weight * angle)[:, None]).as_matrix() @ rotations
 
 
 def forward(rotations: np.ndarray, body: TeacherBody) -> np.ndarray:

@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kpopnet.dance.joint_files.bones import world_rotations
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
-from kpopnet.skeleton import BONES, Joint
+from kpopnet.skeleton import BONES, MIRROR, Joint
 from kpopnet.teacher.adding import add_group, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import DANCES, TRIES, Library, difficulty, moves_cm, preview_cm
 from kpopnet.teacher.posing import TO_WORLD, as_bvh, at_rate, posed
@@ -106,6 +107,28 @@ def test_the_limbs_point_where_the_dancers_do(library):
     joints_m = studio.joints_world_m(teacher_person(), quats.astype(float), hips_m.astype(float))
     angle_deg = np.degrees(np.arccos(np.clip((directions(joints_m @ TO_WORLD.T) * directions(dance.joints_m)).sum(-1), -1, 1)))
     assert np.median(angle_deg) < 5 and np.percentile(angle_deg, 99) < 20
+
+
+def test_bones_turn_as_those_of_who_danced_it(library):
+    """Of the dances of the library all rotations are known: fifteen joints show nearly all but wrists and fingers."""
+    parents = library.body.bone_parents.tolist()
+    for name in ("dance_001", "dance_002"):
+        dance = library.dance(name)
+        found, true = (world_rotations(one, parents) for one in (posed(dance.joints_m, library.body)[0], dance.quats))
+        apart_deg = np.degrees(2 * np.arccos(np.clip(np.abs((found * true).sum(axis=2)), 0, 1))).mean(axis=0)
+        most_deg = {"Hips": 2, "Spine1": 4, "Shoulder": 5, "Arm": 4, "ForeArm": 8, "UpLeg": 4, "Leg": 4, "Foot": 12}
+        for bone, most in most_deg.items():
+            for side in ("",) if bone in ("Hips", "Spine1") else ("Left", "Right"):
+                assert apart_deg[library.body.bone(side + bone)] < most, (name, side + bone)
+
+
+def test_mirrored_joints_pose_a_mirrored_body(library):
+    dance, sides = library.dance("dance_001"), np.array([1, 1, -1, -1])
+    mirrored_m = dance.joints_m[:60, MIRROR] * np.array([-1, 1, 1])
+    quats, mirrored = (posed(one, library.body)[0] for one in (dance.joints_m[:60], mirrored_m))
+    for bone in ("Shoulder", "Arm", "ForeArm", "UpLeg", "Leg", "Foot"):
+        right, left = mirrored[:, library.body.bone(f"Right{bone}")], quats[:, library.body.bone(f"Left{bone}")] * sides
+        assert np.abs((right * left).sum(axis=1)).min() > 0.999, bone
 
 
 def test_missing_joints_are_bridged(library):
