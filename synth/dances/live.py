@@ -12,7 +12,7 @@ from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from kpopnet.rotations import normalised, towards
 from synth.body.asset import load_body
-from synth.body.shape import BodyConfig, draw_person
+from synth.body.shape import BodyConfig, Person, draw_person
 from synth.dances.faults import end_motion, on_the_floor
 from synth.dances.skill import LEVELS, SkillConfig, draw_strengths, learn
 from synth.motion.posture import CHANNELS, STANDING, rotations
@@ -22,7 +22,7 @@ from synth.motion.splice import at_times
 from synth.scene.room import ViewConfig, draw_room, draw_view
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
-from synth.simulated.film import Studio, Take, measure_frame
+from synth.simulated.film import Played, Studio, Take, measure_frame
 
 ON_THE_BEAT = "an arm on every beat"
 """The skill of a person who raises the left arm highest at every second, to measure a latency by."""
@@ -39,6 +39,7 @@ STEPS = (1.0, 0.5, 0.0)
 """A learner for whom the camera's view is too small takes smaller steps, in the end none: the pose is what is scored."""
 NEAR_M, FAR_M = 1.3, 2.6
 """Distances from the camera of a learner whose feet it does not see, and of one who finds no place, metres."""
+CURLS_RAD = np.array([0.3, 0.3])
 AWAY_M = np.array([50.0, 50.0, 0.0])  # where a person is whom the camera does not see
 LIMBS = {"arm": ("Shoulder", "Arm", "ForeArm", "Hand"), "leg": ("UpLeg", "Leg", "Foot")}
 
@@ -88,19 +89,27 @@ class LiveLearner:
         return measure_frame(clean, self.camera, SENSORS["kinect_v1"], self._noise)[0]
 
     def _placed(self, motion: Motion, fault: str, seed: int) -> Take:
-        """The learner in an empty room, the whole dance in view where there is such a place; with hidden feet, too near."""
-        rng = np.random.default_rng([seed, 2])
-        person = draw_person(np.random.default_rng([seed, 3]), BodyConfig(), "train")
-        for share in STEPS:
-            played = self._studio.play(person, _with_steps(motion, share), 0.0, np.array([0.3, 0.3]))
-            if fault == "hidden feet":
-                break
-            take = self._studio.place_in_rooms(rng, played, VIEW, PLACE_TRIES, furniture=())
-            if take is not None:
-                return take
-        distance_m = NEAR_M if fault == "hidden feet" else FAR_M
-        view, room = draw_view(rng, VIEW), draw_room(rng, ())
-        return Take(played, room, view, np.array([0.0, distance_m, 0.0]))
+        """The learner in an empty room, see `placed`; with hidden feet, too near."""
+        rng, person = np.random.default_rng([seed, 2]), draw_person(np.random.default_rng([seed, 3]), BodyConfig(), "train")
+        if fault == "hidden feet":
+            return _before(rng, self._studio.play(person, motion, 0.0, CURLS_RAD), NEAR_M)
+        return placed(self._studio, person, motion, rng)
+
+
+def placed(studio: Studio, person: Person, motion: Motion, rng: np.random.Generator) -> Take:
+    """A dancer in an empty room, the whole dance in view where there is such a place, with smaller steps if need be."""
+    for share in STEPS:
+        played = studio.play(person, _with_steps(motion, share), 0.0, CURLS_RAD)
+        take = studio.place_in_rooms(rng, played, VIEW, PLACE_TRIES, furniture=())
+        if take is not None:
+            return take
+    return _before(rng, played, FAR_M)
+
+
+def _before(rng: np.random.Generator, played: Played, distance_m: float) -> Take:
+    """A dancer in an empty room, so far in front of the camera."""
+    view, room = draw_view(rng, VIEW), draw_room(rng, ())
+    return Take(played, room, view, np.array([0.0, distance_m, 0.0]))
 
 
 def _with_steps(motion: Motion, share: float) -> Motion:
