@@ -5,10 +5,12 @@
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
     python tools/measure_noise.py data/kpop_train --estimator tracker                    # of images
     python tools/measure_noise.py data/graded/fresh --estimator realtime --known         # other people and dances
+    python tools/measure_noise.py data/graded/train data/graded/train_clips --estimator realtime --seen-teacher --write
 
 Folders hold dances in the K-Pop format, or what tools/graded_learners.py makes. What perfect dancing keeps is learnt from every
-learner compared with their own true joints, so that only the sensor and the estimator differ. The table's uncertainty is that
-of scores whose dance was left out. Run from the root of a checkout with `PYTHONPATH=.`.
+learner compared with their own true joints, so that only the sensor and the estimator differ; beside teachers as the estimator
+sees them, from the perfect learners alone. The table's uncertainty is that of scores whose dance was left out. Run from the
+root of a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
@@ -26,7 +28,7 @@ from kpopnet.dance.dtw import PathDistances
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.noise.sight import path_distances, segment_differences
 from kpopnet.dance.noise.steady import PART_OF_SEGMENT, SEGMENTS, steady_squared
-from kpopnet.dance.noise.table import NOISE, TABLE, EstimatorNoise, doubt, known_noise
+from kpopnet.dance.noise.table import NOISE, SEEN, TABLE, EstimatorNoise, doubt, known_noise
 from kpopnet.dance.parts import CONTEXT_FRAMES, HOP_FRAMES
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, TimeGrid, score_dance
@@ -36,6 +38,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.registry import ESTIMATORS
 from kpopnet.networks.over_time import Measured, OverTime, read
+from kpopnet.programs.seen_teacher import seen_teacher
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
@@ -59,6 +62,11 @@ class Seen(NamedTuple):
     teacher: Performance
     true: Performance
     estimated: Performance
+    shown: Performance | None = None  # the teacher as the estimator sees them, whom the estimated joints are compared with
+
+    @property
+    def is_perfect(self) -> bool:
+        return self.fault.startswith("perfect")
 
 
 class Own(NamedTuple):
@@ -96,7 +104,8 @@ def of_films(folder: Path, estimator: str) -> list[Seen]:
         teacher, true = (Performance(film[name], np.arange(len(film[name])) / film["fps"]) for name in ("teacher_m", "true_m"))
         measurements = Measured(*(film[name] for name in Measured._fields))
         joints_m, confidence = estimates[estimator](measurements, true.times_s)
-        found.append(Seen(str(folder / number), fault, teacher, true, Performance(joints_m, true.times_s, confidence)))
+        estimated = Performance(joints_m, true.times_s, confidence)
+        found.append(Seen(str(folder / number), fault, teacher, true, estimated))
     return found
 
 
@@ -115,6 +124,13 @@ def of_images(folder: Path, estimator: Estimator) -> list[Seen]:
     return found
 
 
+def with_seen_teachers(learners: Sequence[Seen], estimator: str) -> list[Seen]:
+    """The learners beside teachers whose joints are as an estimator sees them."""
+    teachers = {one.dance: one.teacher for one in learners}
+    seen = {dance: seen_teacher(teachers[dance], estimator) for dance in tqdm(teachers, "teachers", unit="dance")}
+    return [one._replace(shown=Performance(seen[one.dance].joints_m, seen[one.dance].times_s)) for one in learners]
+
+
 def own_errors(seen: Seen, sees_depth: bool = True) -> Own:
     """The errors of a learner's estimated joints; `sees_depth` as of `EstimatorNoise`."""
     grid = TimeGrid(seen.true, CONFIG.feature)
@@ -131,6 +147,16 @@ def own_errors(seen: Seen, sees_depth: bool = True) -> Own:
         unsure.append(doubt(distances.confidence[max(stop - CONTEXT_FRAMES, 0) : stop]))
         steady.append(steady_squared(segment_differences(estimated.at(rows), grid.teacher.at(rows), sees_depth)))
     return Own(distances, np.array(kept), np.array(unsure), np.array(steady))
+
+
+def compared(learners: Sequence[Seen]) -> list[Seen]:
+    """Learners whose estimated joints differ from `true` by errors alone: all; beside a teacher as the estimator sees them the
+    perfect ones, from that teacher.
+    """
+    own = (
+        one if one.shown is None else one._replace(true=one.shown) for one in learners if one.shown is None or one.is_perfect
+    )
+    return list(own)
 
 
 def measured(errors: Sequence[Own], sees_depth: bool = True) -> EstimatorNoise:
@@ -177,16 +203,16 @@ def scored(one: Seen, noise: EstimatorNoise) -> Scored:
     """The scores of a learner with a noise."""
     NOISE[TESTED] = noise
     true, unknown = (score_dance(one.teacher, danced, CONFIG).similarity for danced in (one.true, one.estimated))
-    known = score_dance(one.teacher, one.estimated, replace(CONFIG, noise=TESTED))
+    known = score_dance(one.shown or one.teacher, one.estimated, replace(CONFIG, noise=TESTED))
     del NOISE[TESTED]
     return Scored(true, unknown, known.similarity, known.uncertainty)
 
 
 def scored_by_others(learners: Sequence[Seen], sees_depth: bool = True) -> list[Scored]:
     """The scores of all learners, each with the noise that the other dances give; `sees_depth` as for `own_errors`."""
-    own, found = [own_errors(one, sees_depth) for one in learners], dict[int, Scored]()
+    own, found = [(one.dance, own_errors(one, sees_depth)) for one in compared(learners)], dict[int, Scored]()
     for dance in sorted({one.dance for one in learners}):
-        noise = measured([errors for one, errors in zip(learners, own, strict=True) if one.dance != dance], sees_depth)
+        noise = measured([errors for of, errors in own if of != dance], sees_depth)
         found |= {number: scored(one, noise) for number, one in enumerate(learners) if one.dance == dance}
     return [found[number] for number in range(len(learners))]
 
@@ -199,7 +225,7 @@ def spread(scores: Sequence[Scored]) -> float:
 def summary(learners: Sequence[Seen], scores: Sequence[Scored]) -> str:
     """Errors of the scores, perfect dancing, and each fault against it, with the noise unknown and known."""
     true, unknown, known, uncertainty = np.array(scores).T
-    perfect = np.array([one.fault.startswith("perfect") for one in learners])
+    perfect = np.array([one.is_perfect for one in learners])
     lines = [f"{len(learners)} learners; true scores {true.mean():.1f}"]
     for name, values in (("unknown", unknown), ("known", known)):
         error, slope = values - true, np.polyfit(true, values, 1)[0] if np.ptp(true) > 1 else np.nan
@@ -213,7 +239,7 @@ def summary(learners: Sequence[Seen], scores: Sequence[Scored]) -> str:
     if not perfect.any():
         return "\n".join(lines)
     lines[-1] += f", for perfect dancing {within[perfect].mean():.0%}"
-    for fault in sorted({one.fault for one in learners} - {"perfect_0", "perfect_1"}):
+    for fault in sorted({one.fault for one in learners if not one.is_perfect}):
         chosen = np.array([one.fault == fault for one in learners])
         means = ", ".join(f"{values[chosen].mean():.1f}" for values in (true, unknown, known))
         areas = ", ".join(f"{area(values[perfect], values[chosen]):.2f}" for values in (true, unknown, known))
@@ -225,11 +251,11 @@ def lateness(learners: Sequence[Seen], noise: EstimatorNoise) -> str:
     """How well the timing of perfect dancing that is late tells it from perfect dancing on time, through the estimator."""
     NOISE[TESTED] = noise
     known, timings = replace(CONFIG, noise=TESTED), {}
-    perfect = [one for one in learners if one.fault.startswith("perfect")]
+    perfect = [one for one in learners if one.is_perfect]
     for late_s in (0.0, *LATE_S):
-        late = [Performance(seen.joints_m, seen.times_s + late_s, seen.confidence) for *_, seen in perfect]
+        late = [Performance(one.estimated.joints_m, one.true.times_s + late_s, one.estimated.confidence) for one in perfect]
         pairs = zip(perfect, late, strict=True)
-        timings[late_s] = np.array([score_dance(one.teacher, seen, known).timing for one, seen in pairs])
+        timings[late_s] = np.array([score_dance(one.shown or one.teacher, seen, known).timing for one, seen in pairs])
     del NOISE[TESTED]
     if not perfect:
         return "no learner dances perfectly: lateness was not looked at"
@@ -259,6 +285,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folders", type=Path, nargs="+", help="dances with true joints")
     parser.add_argument("--estimator", choices=MEASURED, default="tracker", help="what is measured: %(default)s")
     parser.add_argument("--checkpoint", help="folder of its network")
+    parser.add_argument("--seen-teacher", action="store_true", help="compare with teachers as the estimator sees them")
     parser.add_argument("--known", action="store_true", help="only score, with the estimator's noise of the table")
     parser.add_argument("--write", action="store_true", help=f"enter the noise in {TABLE.name} under the estimator's name")
     given = parser.parse_args(arguments)
@@ -269,8 +296,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         else:
             estimator = estimator or _build(given.estimator, given.checkpoint)
             learners += of_images(folder, estimator)
+    name = given.estimator
+    if given.seen_teacher:
+        learners, name = with_seen_teachers(learners, name), f"{name}{SEEN}"
     if given.known:
-        noise = known_noise(given.estimator)
+        noise = known_noise(name)
         print(summary(learners, [scored(one, noise) for one in learners]))
         print(lateness(learners, noise))
         return
@@ -278,16 +308,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         raise InputError(f"{given.folders[0]}: one dance; the uncertainty is measured on other dances than the noise")
     scores = scored_by_others(learners)
     width = round(spread(scores), 3)
-    noise = measured([own_errors(one) for one in learners])._replace(spread=width)
+    noise = measured([own_errors(one) for one in compared(learners)])._replace(spread=width)
     scores = [one._replace(uncertainty=width * one.uncertainty) for one in scores]
     for folder in given.folders if len(given.folders) > 1 else ():
         of_it = [number for number, one in enumerate(learners) if Path(one.dance).parent == folder]
         print(f"{folder}: {summary([learners[k] for k in of_it], [scores[k] for k in of_it])}")
     print(summary(learners, scores))
     print(lateness(learners, noise))
-    print(json.dumps({given.estimator: noise._asdict()}))
+    print(json.dumps({name: noise._asdict()}))
     if given.write:
-        enter(given.estimator, noise)
+        enter(name, noise)
 
 
 if __name__ == "__main__":

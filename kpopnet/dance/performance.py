@@ -56,7 +56,8 @@ class Performance:
             the teacher and the learner. Those of an absolute clock: see `from_absolute_clocks`.
         confidence: (T, 15) float64 in 0..1; 0 where the joint is missing. A joint of a confidence below
             `kpopnet.dance.features.SEEN_CONFIDENCE` is partly unseen.
-        estimator: name in `kpopnet.dance.noise.table.NOISE` of whose errors the joints have, none for true ones.
+        estimator: name in `kpopnet.dance.noise.table.NOISE` of whose errors the joints have, none for true ones; with `SEEN` at
+            its end, of that table, of a teacher as the estimator sees them.
     """
 
     def __init__(

@@ -20,7 +20,7 @@ from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, stage_score
 from kpopnet.dance.dtw import banded_distances
 from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features, dance_features
 from kpopnet.dance.noise.steady import FEATURE
-from kpopnet.dance.noise.table import known_noise
+from kpopnet.dance.noise.table import known_noise, noise_between
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
 from kpopnet.dance.parts import PartScorer, PartTeacher
 from kpopnet.dance.performance import Performance, as_performance, resampled, with_derived_torso
@@ -221,8 +221,9 @@ def score_dance(
     or no joint is known in one of the dances; or joints are given without `fps`.
     """
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
-    if isinstance(scorer, PartScorer) and scorer.noise == "auto" and learner.estimator != "none":
-        scorer = replace(scorer, noise=learner.estimator)
+    if isinstance(scorer, PartScorer):
+        of_learner = learner.estimator if scorer.noise == "auto" and learner.estimator != "none" else scorer.noise
+        scorer = replace(scorer, noise=noise_between(teacher.estimator, of_learner))
     if not unobserved_is_nan:
         check_observed(learner.is_observed, len(learner), "learner")
     learner = Performance(learner.joints_m, learner.times_s - scorer.latency_s, learner.confidence)

@@ -46,6 +46,7 @@ those of `estimator=[...]`):
 """
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
@@ -59,6 +60,7 @@ from kpopnet.evaluation.poses.report import evaluate_poses
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS
 from kpopnet.evaluation.report import Report, write
 from kpopnet.pose.extraction import EXTRACTIONS
+from kpopnet.programs.seen_teacher import seen_teacher
 from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.hydra_app import entry_point, register_schemas
 
@@ -68,8 +70,8 @@ register_schemas("scorer", SCORERS, by_name=True)
 register_schemas("extraction", {name: schema for name, (schema, _) in EXTRACTIONS.items()})
 
 EVALUATIONS: dict[str, Callable[[EvaluateConfig, Path], Report]] = {
-    "kpop": evaluate_dances,
-    "kpop_sim": evaluate_dances,
+    "kpop": partial(evaluate_dances, see_teacher=seen_teacher),
+    "kpop_sim": partial(evaluate_dances, see_teacher=seen_teacher),
     "two_people": evaluate_people,
     "rooms": evaluate_people,
 }

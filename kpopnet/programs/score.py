@@ -19,7 +19,7 @@ from pathlib import Path
 from kpopnet.dance.diagnosis import AS_RECORDED, CORRECTIONS, Correction, RecordingFault, composed, corrected, delayed, diagnose
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
-from kpopnet.dance.noise.table import NOISE
+from kpopnet.dance.noise.table import NOISE, SEEN, SEEN_BY
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import ABSOLUTE_S, Performance, from_absolute_clocks
 from kpopnet.dance.scoring import SCORERS, score_dance
@@ -31,6 +31,7 @@ from kpopnet.evaluation.report import printable, write_text
 from kpopnet.evaluation.values import plain
 from kpopnet.languages import LANGUAGES, Said, in_language
 from kpopnet.programs.arguments import add_grading, check_grading, program_parser
+from kpopnet.programs.seen_teacher import seen_teacher
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -78,13 +79,20 @@ def parsed() -> argparse.Namespace:
         "estimator of the learner's joints, whose known errors are not counted; auto, the default, is webcam for MediaPipe's "
     )
     noise += "points and none, as for true joints, elsewhere"
-    parser.add_argument("--noise", choices=("auto", *NOISE), default="auto", help=noise)
+    known = (name for name in NOISE if not name.endswith(SEEN))
+    parser.add_argument("--noise", choices=("auto", *known), default="auto", help=noise)
+    seen = f"compares with the teacher as the estimator of --noise ({', '.join(SEEN_BY)}) sees them: what it is off of all who"
+    seen += " dance the same is no fault. Simulated people dance before a camera for it: a core needs the dance's length"
+    parser.add_argument("--seen-teacher", action="store_true", help=seen)
     parser.add_argument("--lang", choices=LANGUAGES, default="en", help="language of page and text: %(default)s")
     add_grading(parser, "with --bpm")
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
     given = parser.parse_args()
     if given.bpm is not None and not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats a minute")
+    if given.seen_teacher and given.noise not in SEEN_BY:
+        known = ", ".join(SEEN_BY)
+        raise InputError(f"--seen-teacher: needs the estimator of the learner's joints, --noise {known}; found {given.noise}")
     check_between("--late", given.late, -ABSOLUTE_S, ABSOLUTE_S)
     check_grading(given)
     return given
@@ -109,7 +117,8 @@ def main() -> None:
     done = composed(before.learner, (diagnosis.correction or AS_RECORDED).learner)
     diagnosis = diagnosis._replace(mirrored=done == "mirrored")
     teacher, learner = diagnosis.teacher, diagnosis.learner
-    score = score_dance(teacher, learner, scorer, free_s=given.free)
+    compared = seen_teacher(teacher, given.noise) if given.seen_teacher else teacher
+    score = score_dance(compared, learner, scorer, free_s=given.free)
     if math.isnan(score.similarity):
         if score.all_free:
             raise InputError("--free: the whole dance is free; leave a part of it to be compared")

@@ -9,6 +9,7 @@ import numpy as np
 
 from kpopnet.dance.noise.steady import PART_OF_SEGMENT, SEGMENTS
 from kpopnet.dance.window import PARTS
+from kpopnet.errors import InputError
 
 
 class EstimatorNoise(NamedTuple):
@@ -39,6 +40,28 @@ NOISE: dict[str, EstimatorNoise] = {"none": EstimatorNoise({}, {}, 0.0, {})} | {
     name: EstimatorNoise(**entry) for name, entry in json.loads(TABLE.read_text()).items()
 }
 """By the estimator's name; `none` for true joints. Those of the network are the shipped one's."""
+
+
+SEEN = "_seen_teacher"
+"""Ends the name of an estimator's noise against a teacher as the estimator sees them (`synth.dances.seen`), where what it is
+off of all who dance the same is no difference."""
+
+SEEN_BY = ("network", "realtime")
+"""Estimators of which this noise is known."""
+
+
+def noise_between(teacher: str, learner: str) -> str:
+    """The name of the noise of a learner's estimator against a teacher's joints, of an `estimator` as of `Performance`.
+
+    Raises InputError where the teacher is as another estimator than the learner's sees them.
+    """
+    if not teacher.endswith(SEEN):
+        return learner
+    if learner.removesuffix(SEEN) != teacher.removesuffix(SEEN):
+        raise InputError(
+            f"the teacher's joints are as {teacher.removesuffix(SEEN)} sees them, the learner's of noise {learner}"
+        )
+    return teacher
 
 
 def known_noise(name: str) -> EstimatorNoise:

@@ -65,12 +65,15 @@ class KpopConfig(BenchmarkConfig):
         dance: name of the dance whose scores over time are plotted; by default the dance in which the score of a worse
             learner is farthest above, or least below, that of the next better learner.
         poses: folder of the cached poses of the estimators; by default `poses` in the folder of the set.
+        seen_teacher: each estimator's learners are compared with the teacher as it sees them (network, realtime): what
+            it is off of all who dance the same is no fault.
     """
 
     name: str = "kpop"
     dances: int | None = None
     dance: str | None = None
     poses: str | None = None
+    seen_teacher: bool = False
 
     def __post_init__(self) -> None:
         if self.dances is not None and self.dances < 1:

@@ -8,6 +8,7 @@ a digest of the depth, and where the joints depend on them the frames per second
 import hashlib
 import json
 import math
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,11 @@ from typing import Any
 import numpy as np
 
 import kpopnet
+from kpopnet.dance.noise.table import SEEN
 from kpopnet.dance.performance import Performance, mask_missing_joints
 from kpopnet.datasets.dances.dance_set import Dance, Learner
 from kpopnet.errors import InputError
-from kpopnet.estimator import first_label, starts_from_label
+from kpopnet.estimator import Estimator, first_label, starts_from_label
 from kpopnet.evaluation.engine import Timed, device_of
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.networks import META
@@ -36,6 +38,11 @@ _SCHEMA = {
     "seconds": ArraySchema("f", ()),
 }
 
+_SEEN_SCHEMA = {"joints_m": ArraySchema("f", ("frames", NUM_JOINTS, 3)), "times_s": ArraySchema("f", ("frames",))}
+
+SeeTeacher = Callable[[Performance, str, Estimator], Performance]
+"""From a teacher, and the name of an estimator and itself, the teacher as it sees them: `kpopnet.programs.seen_teacher`."""
+
 _WITHOUT_INFLUENCE = (
     *("dance/", "evaluation/dances/", "evaluation/people/", "evaluation/poses/", "programs/"),
     *("sources/", "teacher/", "training/", "viz/"),
@@ -48,7 +55,7 @@ class PoseCache:
 
     def __init__(self, folder: Path, name: str, settings: Any) -> None:
         """Builds the estimator; `folder` is that of the cached poses of all. Raises InputError if a file of it is missing."""
-        self.folder = folder / f"{name}-{estimator_key(settings)}"
+        self.name, self.folder = name, folder / f"{name}-{estimator_key(settings)}"
         self._estimator = build_estimators({name: settings})[name]
         self._estimate = Timed(self._estimator.estimate, device_of(self._estimator))
 
@@ -82,6 +89,20 @@ class PoseCache:
         expect(len(joints_m) == len(times_s), str(learner.path), f"{len(joints_m)} frames as in {path}, found {len(times_s)}")
         return Performance(joints_m, times_s, confidence), seconds
 
+    def seen_teacher(self, dance: Dance, see: SeeTeacher) -> Performance:
+        """The teacher of a dance as `see` shows them, with the cache's estimator; what is not cached is made."""
+        teacher = dance.teacher()
+        danced = hashlib.sha256(teacher.joints_m.tobytes() + teacher.times_s.tobytes()).hexdigest()[:10]
+        path = self.folder / f"{dance.name}.teacher.{danced}.npz"
+        if not path.is_file():
+            seen = see(teacher, self.name, self._estimator)
+            self._store(path, joints_m=seen.joints_m, times_s=seen.times_s)
+        try:
+            stored = read_npz(path, _SEEN_SCHEMA)
+            return Performance(stored["joints_m"], stored["times_s"], estimator=f"{self.name}{SEEN}")
+        except InputError as error:
+            raise InputError(f"{path}: damaged ({error}); delete it to make it again") from error
+
     def _write(self, path: Path, learner: Learner) -> None:
         clip, start = learner.depth(), {}
         if isinstance(self._estimator, PersonEstimator):
@@ -91,9 +112,12 @@ class PoseCache:
             expect(truth is not None, str(learner.path), "true joints, from which start=label starts")
             start = {"start": first_label(truth.joints_m)}
         (joints_m, confidence), seconds = self._estimate(clip.depth_m, clip.camera, **start)
+        self._store(path, joints_m=joints_m, confidence=confidence, seconds=seconds)
+
+    def _store(self, path: Path, **arrays: Any) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with atomic_path(path) as part, part.open("wb") as file:
-            np.savez(file, joints_m=joints_m, confidence=confidence, seconds=seconds)
+            np.savez(file, **arrays)
 
 
 def _fps(learner: Learner) -> float:

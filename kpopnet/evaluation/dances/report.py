@@ -11,6 +11,7 @@ from kpopnet.datasets.dances.dance_set import open_set
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.dances.pose_cache import SeeTeacher
 from kpopnet.evaluation.dances.ranking import in_order_by_one, is_ordered, mcnemar_p_value, similarities
 from kpopnet.evaluation.dances.run import DanceRun, Method, run_dances
 from kpopnet.evaluation.report import Block, Heading, Picture, Report, save_plots, write_text
@@ -44,12 +45,12 @@ DEFINITIONS = (
 CLOCK = "Frames per second are those of one core for the estimation of the joints, after an untimed warm-up."
 
 
-def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
+def evaluate_dances(config: EvaluateConfig, folder: Path, see_teacher: SeeTeacher | None = None) -> Report:
     """Scores the learners of a set of dances; writes the plots and table_2.csv into the folder, created if it does not exist.
 
     Without a requested dance, or where it failed, the one in which a worse learner is farthest above, or least below, the next
     better one is plotted. Raises InputError if a setting applies to benchmarks of joints only, or the dance to be plotted is
-    not among the scored ones; see `run_dances`.
+    not among the scored ones; see `run_dances`, also for `see_teacher`, which benchmark.seen_teacher asks for.
     """
     config.refuse("sweep", "sequences", instead="benchmark.dances=10 makes a quick test")
     if config.extraction != DEFAULT_EXTRACTION:
@@ -58,7 +59,9 @@ def evaluate_dances(config: EvaluateConfig, folder: Path) -> Report:
     poses = Path(config.benchmark.poses or dances.folder / "poses")
     if plotted not in (None, *dances.names[:count]):
         raise InputError(f"benchmark.dance={plotted}: not among the {len(dances.names[:count])} dances to be scored")
-    run = run_dances(dances, config.estimator, config.scorer, poses, count, config.seed, config.processes_at_work())
+    see_teacher = see_teacher if config.benchmark.seen_teacher else None
+    processes = config.processes_at_work()
+    run = run_dances(dances, config.estimator, config.scorer, poses, count, config.seed, processes, see_teacher)
     folder.mkdir(parents=True, exist_ok=True)
     if plotted not in run.names:
         scores = {name: similarities(learners) for name, learners in run.scores[run.main].items()}

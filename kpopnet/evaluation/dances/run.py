@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.noise.table import NOISE
+from kpopnet.dance.noise.table import NOISE, SEEN_BY
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.scoring import SCORERS, Scorer, score_dance
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
 from kpopnet.evaluation import engine
-from kpopnet.evaluation.dances.pose_cache import PoseCache
+from kpopnet.evaluation.dances.pose_cache import PoseCache, SeeTeacher
 from kpopnet.evaluation.dances.ranking import TRUTH, Agreement, LearnerScore, agreement, similarities
 from kpopnet.evaluation.engine import stage
 from kpopnet.evaluation.poses.metrics import joint_errors_m, mean_error_m
@@ -83,10 +83,14 @@ class ScoredDance(NamedTuple):
     seconds: dict[str, float]
 
 
-def score_learners(dances: KpopSet, caches: dict[str, PoseCache], scorers: dict[str, Scorer], name: str) -> ScoredDance:
+def score_learners(
+    dances: KpopSet, caches: dict[str, PoseCache], scorers: dict[str, Scorer], see_teacher: SeeTeacher | None, name: str
+) -> ScoredDance:
     """Reads a dance by its name, and scores its learners by every scorer on every source of joints."""
     dance = dances.dance(name)
-    teacher = dance.teacher()
+    teachers = dict.fromkeys((TRUTH, *caches), dance.teacher())
+    if see_teacher is not None:
+        teachers |= {one: cache.seen_teacher(dance, see_teacher) for one, cache in caches.items() if one in SEEN_BY}
     scores: dict[Method, list[LearnerScore]] = {}
     seconds, frames = dict.fromkeys(caches, 0.0), 0
     for learner in dance.learners:
@@ -106,7 +110,7 @@ def score_learners(dances: KpopSet, caches: dict[str, PoseCache], scorers: dict[
             for scorer, settings in scorers.items():
                 if isinstance(settings, PartScorer) and settings.noise == "auto" and source in NOISE:
                     settings = replace(settings, noise=source)
-                score = score_dance(teacher, performance, settings, unobserved_is_nan=True)
+                score = score_dance(teachers[source], performance, settings, unobserved_is_nan=True)
                 score = score._replace(teacher_m=NO_JOINTS_M, learner_m=NO_JOINTS_M)  # thousands of scores are kept
                 scores.setdefault(Method(source, scorer), []).append(LearnerScore(learner.name, score, error_m))
     complete = {method: learners for method, learners in scores.items() if len(learners) == len(dance.learners)}
@@ -121,17 +125,21 @@ def run_dances(
     count: int | None,
     seed: int,
     processes: int,
+    see_teacher: SeeTeacher | None = None,
 ) -> DanceRun:
     """Scores all learners of the first `count` dances, or of all; estimates the poses that are not cached in `poses`.
 
-    Estimators are settings by name, the main one first; without scorers all of SCORERS are taken. A dance that cannot be read,
+    Estimators are settings by name, the main one first; without scorers all of SCORERS are taken. With `see_teacher` learners
+    are compared with teachers as their estimator sees them. A dance that cannot be read,
     estimated or scored is left out with all its learners. True joints are scored only if all learners of the others have them.
     Raises InputError if no dance could be scored, or a true pose is missing and there is no estimator.
     """
     estimators, assumptions = _start_anywhere(estimators)
     caches = {name: PoseCache(poses, name, settings) for name, settings in estimators.items()}
     names, scorers = dances.names[:count], scorers or SCORERS
-    scored, failed = engine.run(partial(score_learners, dances, caches, scorers), names, processes, str(dances.folder))
+    scored, failed = engine.run(
+        partial(score_learners, dances, caches, scorers, see_teacher), names, processes, str(dances.folder)
+    )
     methods = [Method(source, scorer) for source in (TRUTH, *caches) for scorer in scorers]
     methods = [method for method in methods if all(method in one.scores for one in scored.values())]
     without = [name for name, one in scored.items() if all(method.source != TRUTH for method in one.scores)]
@@ -140,6 +148,12 @@ def run_dances(
         if not methods:
             raise InputError(f"{dances.folder}: {lacking}; give an estimator")
         assumptions.append(f"Scores on true joints are left out: {lacking}.")
+    if see_teacher is not None:
+        seeing, blind = [name for name in caches if name in SEEN_BY], [name for name in caches if name not in SEEN_BY]
+        told = (
+            f"Compared with teachers as the estimator sees them in the mean of SIMULATED people: {', '.join(seeing) or 'none'}"
+        )
+        assumptions.append(f"{told}; with the teachers' own joints: {', '.join((TRUTH, *blind))}.")
     if any(isinstance(one, PartScorer) and one.noise == "auto" for one in scorers.values()):
         others = [name for name in NOISE.keys() & caches if getattr(estimators[name], "checkpoint", None) is not None]
         told = "runs a given checkpoint, but what is taken out of its scores are the errors of the package's network."

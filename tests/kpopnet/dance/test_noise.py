@@ -9,9 +9,10 @@ from dance_people import FPS, dance_joints_m, noisy, performed
 from programs import tool
 
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.noise.table import NOISE, doubt, kept_by_noise
+from kpopnet.dance.noise.table import NOISE, SEEN, SEEN_BY, doubt, kept_by_noise
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, DanceScore, score_dance
+from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
 noise = tool("measure_noise")
@@ -105,3 +106,49 @@ def test_dances_of_two_folders_of_one_name_are_two(tmp_path, capsys):
     told = capsys.readouterr().out
     assert all(f"{tmp_path / name / 'train'}: 1 learners" in told for name in "ab") and "\n2 learners" in told
     assert "0.1 s late: AUC of the timing 1.00" in told
+
+
+def steadily_off(joints_m: np.ndarray) -> np.ndarray:
+    """Joints whose left hand is off by 8 cm, as of an estimator that errs alike of all who dance the same."""
+    found_m = joints_m.copy()
+    found_m[:, Joint.LEFT_HAND, 1] += 0.08 * np.sin(4 * joints_m[:, Joint.LEFT_ELBOW, 0])
+    return found_m
+
+
+@pytest.fixture(scope="module")
+def alike():
+    """Learners, two perfect and one with an arm that is 30 degrees low in each of two dances, by such an estimator."""
+    learners = []
+    for dance, seed in ((3, 11), (4, 12), (3, 13), (4, 14)):
+        true = performed(dance_joints_m(dance))
+        learners.append(noise.Seen(str(dance), "perfect_0", true, true, estimated(steadily_off(true.joints_m), seed)))
+    for dance in (3, 4):
+        teacher, low = performed(dance_joints_m(dance)), performed(arms_lowered(dance_joints_m(dance), 30))
+        learners.append(noise.Seen(str(dance), "arms_30", teacher, low, estimated(steadily_off(low.joints_m), dance)))
+    return learners
+
+
+def test_what_is_seen_alike_of_all_is_no_noise_beside_a_teacher_seen_so(alike, monkeypatch):
+    monkeypatch.setattr(noise, "seen_teacher", lambda teacher, _: performed(steadily_off(teacher.joints_m)))
+    beside = noise.with_seen_teachers(alike, "network")
+    assert [one.fault for one in noise.compared(beside)] == ["perfect_0"] * 4 and len(noise.compared(alike)) == 6
+    plain, less = (noise.measured([noise.own_errors(one) for one in noise.compared(learners)]) for learners in (alike, beside))
+    assert less.std_rad["left_hand_inclination"] < 0.8 * plain.std_rad["left_hand_inclination"]
+    assert less.std_rad["right_hand_inclination"] == pytest.approx(plain.std_rad["right_hand_inclination"], rel=0.15)
+    (true, *_), found, before = (np.array(noise.scored_by_others(learners)).T for learners in (beside, beside, alike))
+    assert np.abs(found[2] - true).mean() < np.abs(before[2] - true).mean() and found[2][:4].min() > 94
+
+
+def test_a_teacher_is_compared_with_learners_of_the_estimator_that_sees_them(monkeypatch):
+    monkeypatch.setitem(NOISE, "network_seen_teacher", NOISE["network"]._replace(spread=0.3))
+    seen_so = Performance(JOINTS_M, np.arange(len(JOINTS_M)) / FPS, estimator="network_seen_teacher")
+    learner = estimated(JOINTS_M, 0)
+    score = score_dance(seen_so, learner, replace(OURS, noise="network"))
+    assert score.scorer.noise == "network_seen_teacher"
+    assert score.uncertainty < score_dance(performed(JOINTS_M), learner, replace(OURS, noise="network")).uncertainty
+    by_itself = score_dance(seen_so, Performance(learner.joints_m, learner.times_s, learner.confidence, "network"))
+    assert by_itself.similarity == score.similarity
+    for wrong in ("realtime", "none", "auto"):
+        with pytest.raises(InputError, match=f"as network sees them, the learner's of noise {wrong}"):
+            score_dance(seen_so, learner, replace(OURS, noise=wrong))
+    assert all(f"{name}{SEEN}" in NOISE for name in SEEN_BY)

@@ -220,3 +220,23 @@ def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path)
     }
     for mistake, told in mistakes.items():
         assert told in run(*words, *mistake, fails=True)
+
+
+def test_a_teacher_as_the_estimator_sees_them(files, run, tmp_path):
+    _, learner, joints_m, _ = files
+    np.savez(tmp_path / "short.npz", joints_m=joints_m[:90], fps=30)
+    words = tmp_path / "short.npz", learner, "--noise", "network"
+    run(*words)
+    plain = stored(tmp_path)
+    told = run(*words, "--seen-teacher")
+    seen = stored(tmp_path)
+    assert "simulated dances seen by network score within it" in told
+    assert [one["scorer"]["noise"] for one in (plain, seen)] == ["network", "network_seen_teacher"]
+    assert seen["score"]["similarity"] != plain["score"]["similarity"] and seen["score"]["similarity"] > 60
+    refused = run(tmp_path / "short.npz", learner, "--seen-teacher", fails=True)
+    assert "--noise network, realtime; found auto" in refused
+    headless_m = joints_m[:90].copy()
+    headless_m[:, Joint.HEAD] = np.nan
+    np.savez(tmp_path / "headless.npz", joints_m=headless_m, fps=30)
+    refused = run(tmp_path / "headless.npz", learner, "--noise", "network", "--seen-teacher", fails=True)
+    assert "head missing in every frame; all joints are needed" in refused

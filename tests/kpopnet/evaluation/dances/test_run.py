@@ -240,3 +240,29 @@ def test_a_learner_without_true_joints_is_reported(folder, fake):
     ]
     with pytest.raises(InputError, match=r"a learner of papa has no true joints .*; give an estimator"):
         run(folder, {})
+
+
+def test_learners_are_compared_with_teachers_as_their_estimator_sees_them(folder, fake):
+    asked = []
+
+    def see(teacher, name, estimator):
+        asked.append((name, estimator.name))
+        return Performance(dance_m(0.04, 7), teacher.times_s, estimator=f"{name}_seen_teacher")
+
+    settings = {"network": FakeConfig(), "tracker": FakeConfig()}
+    plain, seen = (run(folder, settings, see_teacher=one) for one in (None, see))
+    assert asked == [("network", "fake")] * 2  # once for each dance
+    assert run(folder, settings, see_teacher=see).scores["network", "dance22"]["mama"][0].score.similarity < 100
+    assert len(asked) == 2  # cached
+    for source, is_same in (("truth", True), ("tracker", True), ("network", False)):
+        before, after = (one.scores[source, "dance22"]["mama"][1].score for one in (plain, seen))
+        assert (before.similarity == after.similarity) is is_same, source
+    assert seen.scores["network", "dance22"]["mama"][1].score.scorer.noise == "network_seen_teacher"
+    assert (
+        "sees them in the mean of SIMULATED people: network; with the teachers' own joints: truth, tracker"
+        in seen.assumptions[0]
+    )
+    path = next((folder / "poses").glob("network-*/mama.teacher.*.npz"))
+    path.write_bytes(b"no file")
+    with pytest.raises(InputError, match=r"no dance could be scored|damaged"):
+        run(folder, settings, see_teacher=see, count=1)
