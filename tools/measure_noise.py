@@ -38,7 +38,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.registry import ESTIMATORS
 from kpopnet.networks.over_time import Measured, OverTime, read
-from kpopnet.programs.seen_teacher import seen_teacher
+from kpopnet.programs.score import seen_teacher
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.tracker.estimator import TrackerEstimatorConfig

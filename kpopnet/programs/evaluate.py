@@ -60,7 +60,7 @@ from kpopnet.evaluation.poses.report import evaluate_poses
 from kpopnet.evaluation.registry import BENCHMARKS, ESTIMATORS
 from kpopnet.evaluation.report import Report, write
 from kpopnet.pose.extraction import EXTRACTIONS
-from kpopnet.programs.seen_teacher import seen_teacher
+from kpopnet.programs.score import seen_teacher
 from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.hydra_app import entry_point, register_schemas
 

@@ -16,6 +16,9 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from tqdm import tqdm
+
 from kpopnet.dance.diagnosis import AS_RECORDED, CORRECTIONS, Correction, RecordingFault, composed, corrected, delayed, diagnose
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
@@ -26,18 +29,19 @@ from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.moments import PHRASE_S
 from kpopnet.errors import InputError, check_between
+from kpopnet.estimator import Estimator
 from kpopnet.evaluation.dances.score_text import score_json, score_notes, score_text
 from kpopnet.evaluation.report import printable, write_text
 from kpopnet.evaluation.values import plain
 from kpopnet.languages import LANGUAGES, Said, in_language
 from kpopnet.programs.arguments import add_grading, check_grading, program_parser
-from kpopnet.programs.seen_teacher import seen_teacher
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.skeleton import Joint
+from kpopnet.skeleton import JOINT_NAMES, Joint
 from kpopnet.teacher.library import PHRASE_COUNTS, TeacherBody
 from kpopnet.teacher.live.words import score_result
+from kpopnet.teacher.posing import at_rate, posed
 from kpopnet.teacher.result_page import result_page
 
 
@@ -58,6 +62,33 @@ def read_observed(path: Path, fps: float | None, joint_map: Path | None, correct
     if SCORERS[scorer].feature == "raptis" and Joint.NECK in performance.unseen_joints:
         raise InputError(f"{path}: neck missing in every frame; scorer {scorer} needs it, dance22 does not")
     return performance
+
+
+def seen_teacher(teacher: Performance, name: str, estimator: Estimator | None = None) -> Performance:
+    """The teacher's dance as the estimator of a name of SEEN_BY sees it, the package's unless one is given.
+
+    It takes a core eight tenths of the dance's length; a bar shows how far it is. Raises InputError where a joint is missing
+    throughout, or the dance is too long.
+    """
+    from synth.body.teacher import teacher_arrays
+    from synth.dances.seen import FPS, PEOPLE, common_errors_m
+
+    if missing := [JOINT_NAMES[joint] for joint in teacher.unseen_joints]:
+        raise InputError(f"the teacher as {name} sees them: {', '.join(missing)} missing in every frame; all joints are needed")
+    joints_m = at_rate(teacher, FPS).astype(np.float64)
+    movement, times_s = posed(joints_m, TeacherBody(**teacher_arrays())), teacher.times_s - teacher.times_s[0]
+    with tqdm(total=PEOPLE, desc=f"the teacher as {name} sees them", unit="person", leave=False, disable=None) as bar:
+        errors_m = common_errors_m(joints_m, *movement, estimator or seeing_estimator(name), times_s, bar.update)
+    return Performance(teacher.joints_m + errors_m, teacher.times_s, teacher.confidence, f"{name}{SEEN}")
+
+
+def seeing_estimator(name: str) -> Estimator:
+    """The package's estimator of a name of SEEN_BY."""
+    from kpopnet.networks.estimator import NetworkEstimator
+    from kpopnet.pose.person import PersonEstimator
+
+    network = NetworkEstimator()
+    return network if name == "network" else PersonEstimator(network, name)
 
 
 def parsed() -> argparse.Namespace:

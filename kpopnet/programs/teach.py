@@ -9,6 +9,7 @@
     kpopnet teach add dance.bag --from 4 --to 64           a recording of depth: the network of the package finds the joints,
     kpopnet teach add my_set/                              or the teachers of a folder in the K-Pop format
     kpopnet teach add ann.bvh bea.bvh --title Duet         a group that was recorded together, a file for each dancer
+    kpopnet teach see                             dances are shown to the depth network: finer scores, half an hour, once
 
 The first start makes a hundred dances, in a quarter of a minute on two quiet cores. docs/teaching.md describes the page.
 """
@@ -32,13 +33,16 @@ from kpopnet.languages import Said
 from kpopnet.pose import PoseEstimator
 from kpopnet.programs import arguments
 from kpopnet.programs.predict import estimated
+from kpopnet.programs.score import seeing_estimator
+from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.input_files import expect
+from kpopnet.runtime.parallel import in_processes
 from kpopnet.sources.live import LIVE_CAMERAS, check_live, open_live, shared_live
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
 from kpopnet.teacher.adding import add_group, holds_depth, kpop_teachers, part_of
-from kpopnet.teacher.library import TRIES, Library, TaughtDance, TeacherBody, taught_dance
+from kpopnet.teacher.library import SEEN_AS, TRIES, Library, TaughtDance, TeacherBody, taught_dance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import load_estimator
 from kpopnet.teacher.live.webcam import DESCRIPTION
@@ -203,6 +207,38 @@ def add_own(given: argparse.Namespace) -> None:
             print(f"added {about[0]} as {identity}; kpopnet teach shows it")
 
 
+def see_dances(given: argparse.Namespace) -> None:
+    """Shows the library's dances to the network, those that it has not seen."""
+    from synth.dances.seen import PEOPLE
+
+    with locked(given.data):
+        library = made_library(given.data)
+    missing = unseen(library)
+    people = PEOPLE * sum(len(library.dance(identity).dancers) for identity in missing)
+    with tqdm(total=people, desc="showing dances to the network, once", unit="person", disable=None) as bar:
+        for _ in in_processes(partial(see_dance, given.data), missing, available_cores(), bar.update):
+            pass
+    print(f"{len(missing)} dances were shown to the network; lessons by depth camera go by what it saw")
+
+
+def see_dance(folder: Path, identity: str, on_person: Callable[[], object]) -> None:
+    """Writes what the estimator of lessons is off of a dance of a folder's library; calls `on_person` after each person."""
+    from synth.body.teacher import teacher_arrays
+    from synth.dances.seen import FPS, common_errors_m
+
+    library, estimator = Library(folder, TeacherBody(**teacher_arrays())), seeing_estimator(SEEN_AS)
+    dance = library.dance(identity)
+    times_s = dance.performance.times_s
+    frames = np.rint(np.arange(0, times_s[-1], 1 / FPS) * dance.fps).astype(int)
+    moved = [[one[frames] for one in (dancer.joints_m, dancer.quats, dancer.hips_m)] for dancer in dance.dancers]
+    library.write_seen(identity, dance, [common_errors_m(*one, estimator, times_s, on_person) for one in moved])
+
+
+def unseen(library: Library) -> list[str]:
+    """The dances that were not shown to the network."""
+    return [identity for identity in library.identities() if library.dance(identity).seen is None]
+
+
 def checked_sources(given: argparse.Namespace) -> tuple[dict[str, str | Said], Callable[[], DepthSource] | None]:
     """What may watch a learner, by what it is called on the page, and what opens the recording of --depth, if there is one.
 
@@ -244,6 +280,10 @@ def serve(given: argparse.Namespace) -> None:
 def parsed() -> argparse.Namespace:
     parser = arguments.program_parser("kpopnet teach", __doc__)
     parser.add_argument("--data", type=Path, default=FOLDER, help="folder of dances and tries: %(default)s")
+    parser.set_defaults(add=None, see=None)
+    if sys.argv[1:2] == ["see"]:
+        parser.add_argument("see", choices=["see"])
+        return parser.parse_args()
     arguments.add_depth(parser)
     if sys.argv[1:2] == ["add"]:
         parser.add_argument("add", choices=["add"])
@@ -258,7 +298,6 @@ def parsed() -> argparse.Namespace:
         parser.add_argument("--joint-map", type=Path, metavar="FILE", help="JSON that names the points of each joint")
         parser.add_argument("--segmented", action="store_true", help="the depth shows one person, and 0 elsewhere")
         return parser.parse_args()
-    parser.set_defaults(add=None)
     arguments.add_address(parser, PORT)
     cameras = "; ".join(f"{name}: {told}" for name, told in LIVE_CAMERAS.items())
     parser.add_argument("--live", metavar="CAMERA", help=f"a camera that watches you. {cameras}")
@@ -270,10 +309,12 @@ def parsed() -> argparse.Namespace:
 @user_errors
 def main() -> None:
     given = parsed()
-    if given.add is None:
-        serve(given)
-    else:
+    if given.see:
+        see_dances(given)
+    elif given.add:
         add_own(given)
+    else:
+        serve(given)
 
 
 if __name__ == "__main__":

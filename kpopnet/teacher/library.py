@@ -4,23 +4,28 @@ The body is a skin on bones; a dance is what its bones do, and the fifteen joint
 has z up; a body in its T-pose faces -y with its left hand at +x, and the rotation of a bone is relative to the T-pose.
 """
 
+import hashlib
 import itertools
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from kpopnet.dance.noise.table import SEEN
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import check_free, check_weights
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
+from kpopnet.networks import WEIGHTS
 from kpopnet.runtime.atomic_write import atomic_path, claim
 from kpopnet.runtime.input_files import ArraySchema, check_names, expect, parse_json, read_npz, settings_from
 from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.weights import SHA256
 
-DANCES, TRIES = "dances", "tries"
+DANCES, TRIES, SEEN_TEACHERS = "dances", "tries", "seen"
 IDENTITY = re.compile("[a-z0-9][a-z0-9_-]{0,63}")
 PHRASE_COUNTS, MOVE_COUNTS = 8, 4
 QUAT_SCALE = 32767
@@ -95,6 +100,7 @@ class TaughtDance:
     quats: np.ndarray  # (T, B, 4) float32 rotations of the bones relative to their parents, w first
     hips_m: np.ndarray  # (T, 3) float32 position of the root bone, metres; the floor at z = 0
     others: tuple["TaughtDance", ...] = ()  # the rest of a group, from its own left to its right
+    seen: Performance | None = None  # as the estimator of lessons by depth camera sees the teacher, where that is known
 
     @property
     def dancers(self) -> tuple["TaughtDance", ...]:
@@ -145,6 +151,18 @@ _DANCE_SCHEMAS = {
 }
 
 
+_SEEN_SCHEMA = {"errors_m": ArraySchema("f", ("D", "T", NUM_JOINTS, 3)), "of": ArraySchema("U", ())}
+
+SEEN_AS = "realtime"
+"""The estimator of lessons by depth camera."""
+
+
+def _digest(dancers: Sequence[TaughtDance]) -> str:
+    """Of the dancers' joints and of the network that sees them."""
+    joints = b"".join(one.joints_m.tobytes() for one in dancers)
+    return hashlib.sha256(SHA256["joints"][WEIGHTS].encode() + joints).hexdigest()
+
+
 class Library:
     """The folder of the dances, and the body that dances them."""
 
@@ -185,7 +203,29 @@ class Library:
         expect(not any((np.abs(one) >= MAX_PLACE_M).any() for one in joints_m), f"{path}: joints_m", "metres, or NaN")
         quats = (one.astype(np.float32) / QUAT_SCALE for one in quats)
         first, *others = (TaughtDance(about, fps, *one) for one in zip(joints_m, quats, hips_m, strict=True))
+        first, *others = self._with_seen(identity, [first, *others])
         return replace(first, others=tuple(others))
+
+    def _with_seen(self, identity: str, dancers: list[TaughtDance]) -> list[TaughtDance]:
+        """The dancers as `write_seen` wrote them; as they are where nothing is written, or of another dance or network."""
+        path = self.folder / SEEN_TEACHERS / f"{identity}.npz"
+        if not path.is_file():
+            return dancers
+        stored = read_npz(path, _SEEN_SCHEMA)
+        if str(stored["of"]) != _digest(dancers):
+            return dancers
+        expect(len(stored["errors_m"]) == len(dancers), f"{path}: errors_m", f"{len(dancers)} dancers")
+        expect(stored["errors_m"].shape[1:] == dancers[0].joints_m.shape, f"{path}: errors_m", "a row for each frame")
+        return [
+            replace(one, seen=Performance(one.joints_m + off_m, one.performance.times_s, estimator=f"{SEEN_AS}{SEEN}"))
+            for one, off_m in zip(dancers, stored["errors_m"], strict=True)
+        ]
+
+    def write_seen(self, identity: str, dance: TaughtDance, errors_m: list[np.ndarray]) -> None:
+        """Writes by how much the estimator SEEN_AS is off of each dancer of a dance, (T, 15, 3) metres."""
+        (self.folder / SEEN_TEACHERS).mkdir(parents=True, exist_ok=True)
+        with atomic_path(self.folder / SEEN_TEACHERS / f"{identity}.npz") as part, part.open("wb") as file:
+            np.savez_compressed(file, errors_m=np.stack(errors_m).astype(np.float16), of=np.array(_digest(dance.dancers)))
 
     def add(self, dance: TaughtDance) -> str:
         """Writes a dance of the user's own, and returns its identity."""

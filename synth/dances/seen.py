@@ -1,9 +1,8 @@
-"""A dance as an estimator sees it: simulated people dance it before a camera, and what the estimator is off of them in the mean
-is added to the teacher's joints.
+"""What an estimator is off of all who dance the same: simulated people dance a dance before a camera.
 
 An estimator's errors depend on the pose as much as on the person: of the squared error that a network makes of a perfect
-dancer nearly half is the same for all who dance the same (docs/ledger.md). Compared with the teacher's true joints a learner
-loses points by all of it, compared with these by the rest.
+dancer nearly half is the same for all who dance the same (docs/ledger.md). A learner who is compared with the teacher's true
+joints loses points by all of it; compared with these joints and what is common of the errors, by the rest.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,26 +28,36 @@ PEOPLE, FPS = 8, 10.0
 CAMERA, SENSOR = CAMERAS["kinect_v1"], SENSORS["kinect_v1"]
 
 
-def seen_joints_m(
+def common_errors_m(
     joints_m: np.ndarray,
     quats: np.ndarray,
     hips_m: np.ndarray,
     estimator: Estimator,
-    on_person: Callable[[], None] = lambda: None,
+    times_s: np.ndarray,
+    on_person: Callable[[], object] = lambda: None,
 ) -> np.ndarray:
-    """(T, 15, 3) joints in metres of a dance at FPS frames a second, as an estimator sees it in the mean of PEOPLE people.
+    """(N, 15, 3) metres by which an estimator is off of a dance in the mean of PEOPLE people; the torso's are taken off all.
 
-    From its true joints in the frame of a level camera, and the (T, B, 4) rotations and (T, 3) positions of the hips of
-    `synth`'s body in it, as in `kpopnet.teacher.posing.Movement`. A missing joint stays missing. `on_person` is called after
-    each person.
+    Args:
+        joints_m: (T, 15, 3) true joints of the dance at FPS frames a second, in a level camera's frame, metres; NaN: missing.
+        quats: (T, B, 4) rotations of `synth`'s body in the dance, as in `kpopnet.teacher.posing.Movement`.
+        hips_m: (T, 3) positions of its hips, metres.
+        estimator: the estimator; one that goes by time has `fps`, images a second, which is set.
+        times_s: (N,) seconds from the first frame at which the errors are wanted.
+        on_person: called after each person.
     """
+    if hasattr(estimator, "fps"):
+        estimator.fps = FPS
     studio, motion, errors_m = Studio(CAMERA, "cpu"), motion_of(quats, hips_m, FPS), []
     for number in range(PEOPLE):
         person = draw_person(np.random.default_rng([number, 4]), BodyConfig(), "train")
         depth_m, camera, true_m = _film(studio, person, motion, number)
         errors_m.append(carried_over(estimator.estimate(depth_m, camera).joints_camera_m - true_m, true_m, joints_m))
         on_person()
-    return joints_m + _mean(np.array(errors_m), 0)[0]
+    common_m = _mean(np.array(errors_m), 0)[0]
+    columns = common_m.reshape(len(common_m), -1).T
+    between_m = np.stack([np.interp(times_s, np.arange(len(common_m)) / FPS, one) for one in columns], axis=1)
+    return between_m.reshape(len(times_s), *common_m.shape[1:])
 
 
 def carried_over(errors_m: np.ndarray, true_m: np.ndarray, joints_m: np.ndarray) -> np.ndarray:

@@ -41,7 +41,7 @@ _SCHEMA = {
 _SEEN_SCHEMA = {"joints_m": ArraySchema("f", ("frames", NUM_JOINTS, 3)), "times_s": ArraySchema("f", ("frames",))}
 
 SeeTeacher = Callable[[Performance, str, Estimator], Performance]
-"""From a teacher, and the name of an estimator and itself, the teacher as it sees them: `kpopnet.programs.seen_teacher`."""
+"""From a teacher, the name of an estimator and itself, the teacher as it sees them: `kpopnet.programs.score.seen_teacher`."""
 
 _WITHOUT_INFLUENCE = (
     *("dance/", "evaluation/dances/", "evaluation/people/", "evaluation/poses/", "programs/"),
@@ -92,8 +92,11 @@ class PoseCache:
     def seen_teacher(self, dance: Dance, see: SeeTeacher) -> Performance:
         """The teacher of a dance as `see` shows them, with the cache's estimator; what is not cached is made."""
         teacher = dance.teacher()
-        danced = hashlib.sha256(teacher.joints_m.tobytes() + teacher.times_s.tobytes()).hexdigest()[:10]
-        path = self.folder / f"{dance.name}.teacher.{danced}.npz"
+        digest = hashlib.sha256(teacher.joints_m.tobytes() + teacher.times_s.tobytes())
+        package = Path(kpopnet.__file__).resolve().parent
+        for source in (package / "teacher" / "posing.py", *sorted((package.parent / "synth").rglob("*.py"))):
+            digest.update(source.read_bytes())
+        path = self.folder / f"{dance.name}.teacher.{digest.hexdigest()[:10]}.npz"
         if not path.is_file():
             seen = see(teacher, self.name, self._estimator)
             self._store(path, joints_m=seen.joints_m, times_s=seen.times_s)

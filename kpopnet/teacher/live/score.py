@@ -9,6 +9,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.dance.dimensions.formation import formation
+from kpopnet.dance.noise.table import SEEN
 from kpopnet.dance.online import OnlineScore, OnlineScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
@@ -53,8 +54,11 @@ class DanceTry:
         """Begins a try; `noise` is the name of the estimator's errors in `kpopnet.dance.noise.table.NOISE`."""
         self._lesson, self._about, self._clock = lesson, dance.about, clock
         self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)  # seconds of the dance
+        teacher = dance.performance
+        if dance.seen is not None and dance.seen.estimator == f"{noise}{SEEN}":
+            teacher, noise = dance.seen, dance.seen.estimator
         self._config = scorer_config(lesson, noise)
-        self._teacher = excerpt(dance.performance, self.begin_s, self.end_s)
+        self._teacher = excerpt(teacher, self.begin_s, self.end_s)
         self._scorer = OnlineScorer(self._teacher, self._config, self._about.free_s)
         self._images = 0  # while the dance went on, whether the learner was seen or not
         self._seen: list[tuple[float, np.ndarray, np.ndarray]] = []  # times without the latency, joints, confidence

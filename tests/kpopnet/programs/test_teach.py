@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,7 +24,8 @@ from kpopnet.skeleton import Joint
 from kpopnet.sources.source import TimedDepth
 from kpopnet.teacher.live import lesson
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
-from synth.dances import taught
+from kpopnet.teacher.live.score import DanceTry
+from synth.dances import seen, taught
 from synth.dances.live import LiveLearner
 
 
@@ -284,3 +285,27 @@ def test_a_person_before_another_programs_camera_is_seen_until_it_ends(tmp_path)
     _, head_v, _, confidence = seen["joints"][Joint.HEAD]
     assert 0.2 < head_v < 0.4 and confidence > 0.5  # from the top, of an image that was turned
     assert told == "the recording of depth has ended"
+
+
+def test_dances_are_shown_to_the_network_once_and_lessons_by_depth_go_by_what_it_saw(run, monkeypatch, tmp_path, danced):
+    monkeypatch.setattr(seen, "PEOPLE", 1)
+    library = teach.made_library(tmp_path / "teach")
+    short = {name: getattr(danced, name)[:150] for name in ("joints_m", "quats", "hips_m")}
+    short["joints_m"][:, Joint.LEFT_FOOT] = np.nan
+    library.write("dance_000", replace(danced, **short))
+    assert "1 dances were shown to the network" in run("see") and "0 dances were shown" in run("see")
+    dance = library.dance("dance_000")
+    off_m = np.linalg.norm(dance.seen.joints_m - dance.joints_m, axis=2)
+    known = [joint for joint in Joint if joint not in (Joint.LEFT_FOOT, Joint.TORSO)]
+    assert np.isnan(off_m[:, Joint.LEFT_FOOT]).all() and off_m[:, Joint.TORSO].max() < 1e-3
+    assert 0.005 < off_m[:, known].mean() < 0.08 and off_m[:, known].max() < 0.6
+    for noise, is_seen in (("realtime", True), ("webcam", False), ("none", False)):
+        tried = DanceTry(Lesson("dance_000", from_s=1.0), dance, noise, DanceClock(1.0, 1.0))
+        assert tried._config.noise == (f"{noise}_seen_teacher" if is_seen else noise)
+        expected_m = (dance.seen if is_seen else dance.performance).joints_m[30:]
+        np.testing.assert_array_equal(tried._teacher.joints_m, expected_m)
+    library.write("dance_000", danced)  # another dance of the same name
+    assert library.dance("dance_000").seen is None
+    (tmp_path / "teach" / "seen" / "dance_000.npz").write_bytes(b"no file")
+    with pytest.raises(InputError, match=r"seen/dance_000\.npz"):
+        library.dance("dance_000")

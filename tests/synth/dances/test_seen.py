@@ -15,6 +15,7 @@ from synth.body.teacher import teacher_arrays
 from synth.dances import seen
 
 JOINTS_M = dance_joints_m(3)[:90:3]
+TIMES_S = np.arange(len(JOINTS_M)) / seen.FPS
 LEFT_ARM = Joint.LEFT_ELBOW, Joint.LEFT_HAND
 
 
@@ -58,7 +59,7 @@ def test_the_teacher_is_off_as_the_estimator_is_of_others_and_what_is_missing_st
     estimator, teacher_m, people = ShortArm(monkeypatch), JOINTS_M.astype(np.float64), []
     teacher_m[5, Joint.RIGHT_FOOT] = np.nan
     movement = posed(JOINTS_M, TeacherBody(**teacher_arrays()))
-    found_m = seen.seen_joints_m(teacher_m, *movement, estimator, lambda: people.append(1))
+    found_m = teacher_m + seen.common_errors_m(teacher_m, *movement, estimator, TIMES_S, lambda: people.append(1))
     assert len(people) == len(estimator.films) == 2
     np.testing.assert_array_equal(np.isnan(found_m), np.isnan(teacher_m))
     off_m = np.linalg.norm(found_m - teacher_m, axis=2)
@@ -76,8 +77,8 @@ def test_the_same_people_dance_every_time(monkeypatch):
     monkeypatch.setattr(seen, "PEOPLE", 1)
     movement = posed(JOINTS_M[:4], TeacherBody(**teacher_arrays()))
     first, again = ShortArm(monkeypatch), None
-    seen.seen_joints_m(JOINTS_M[:4], *movement, first)
+    seen.common_errors_m(JOINTS_M[:4], *movement, first, TIMES_S[:4])
     again = ShortArm(monkeypatch)
-    seen.seen_joints_m(JOINTS_M[:4], *movement, again)
+    seen.common_errors_m(JOINTS_M[:4], *movement, again, TIMES_S[:4])
     for one, other in zip(first.films[0], again.films[0], strict=True):
         assert one == other if not isinstance(one, np.ndarray) else np.array_equal(one, other)
