@@ -230,10 +230,11 @@ class PoseNetwork(nn.Module):
         self.encoder = Encoder(INPUTS[config.input], widths)
         self.head = HEADS[config.kind](widths[1:], config.crop_px)
         self.person: PersonHead | None = None
+        self.bfloat16 = False  # whether the encoder is trained in it on a CPU too; on GPUs it always is
 
     def forward(self, crop: Tensor) -> Prediction:
-        # bfloat16 only for the convolutions on GPUs, where it is faster; coordinates and their sums stay in float32.
-        with torch.autocast(crop.device.type, torch.bfloat16, enabled=crop.is_cuda and self.training):
+        # bfloat16 only for the encoder, in training; coordinates and their sums stay in float32.
+        with torch.autocast(crop.device.type, torch.bfloat16, enabled=self.training and (crop.is_cuda or self.bfloat16)):
             maps = self.encoder(crop)
         seen = self.head(tuple(x.float() for x in maps))
         return seen if self.person is None else seen._replace(person_logit=self.person(maps[-1], seen.confidence_logit))

@@ -1,6 +1,9 @@
 """Data-parallel training: the processes of a run, their devices, and the set-up of torch."""
 
+import logging
 import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +16,8 @@ from torch.nn.parallel import DistributedDataParallel
 from kpopnet.errors import InputError, check_one_of
 from kpopnet.networks.network import PoseNetwork
 from kpopnet.runtime.cpu import available_cores, keep_freed_memory
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -37,14 +42,43 @@ class Processes:
             return DistributedDataParallel(network, device_ids=[self.device.index], broadcast_buffers=False)
         return DistributedDataParallel(network, broadcast_buffers=False)
 
-    def describe(self, threads: int) -> str:
+    def describe(self, threads: int, bfloat16: bool) -> str:
         """Describes the devices and the precision, for the log."""
+        precision = "encoder in bfloat16, the rest in float32" if bfloat16 or self.device.type == "cuda" else "in float32"
         if self.device.type == "cuda":
-            return f"{self.count} GPU(s) ({torch.cuda.get_device_name(self.device)}), encoder in bfloat16, the rest in float32"
-        return (
-            f"CPU ({self.count} process(es) of {threads} thread(s)) in float32: bfloat16 is slower on CPUs, and can crash "
-            "the process on machines that advertise AMX wrongly"
+            return f"{self.count} GPU(s) ({torch.cuda.get_device_name(self.device)}), {precision}"
+        return f"CPU ({self.count} process(es) of {threads} thread(s)), {precision}"
+
+
+TRIAL = """
+import time, torch
+torch.set_num_threads(1)
+layer = torch.nn.Conv2d(64, 64, 3, padding=1).to(memory_format=torch.channels_last)
+image = torch.randn(32, 64, 24, 24).to(memory_format=torch.channels_last)
+def seconds(enabled):
+    began = time.perf_counter()
+    with torch.autocast("cpu", torch.bfloat16, enabled=enabled):
+        layer(image).float().square().mean().backward()
+    return time.perf_counter() - began
+times = [(seconds(False), seconds(True)) for _ in range(6)][1:]
+print(sum(one for one, _ in times) / sum(other for _, other in times))
+"""
+"""Prints how many times as fast as in float32 a convolution of the encoder is trained in bfloat16."""
+
+
+def try_bfloat16() -> None:
+    """Trains a convolution in bfloat16, in a process of its own, and warns where that is slower than in float32.
+
+    Raises InputError where it ends the process, as on processors that claim AMX and do not have it.
+    """
+    tried = subprocess.run([sys.executable, "-c", TRIAL], capture_output=True, text=True, check=False)
+    if tried.returncode:
+        raise InputError(
+            f"training.bfloat16: it ended a process that tried it (exit status {tried.returncode}); this processor claims what "
+            "it does not have, leave the setting out"
         )
+    if (gain := float(tried.stdout)) < 1:
+        log.warning("training.bfloat16: this processor trains convolutions at %.1f times the speed of float32", gain)
 
 
 def device_kind(device: str) -> str:

@@ -13,7 +13,9 @@ from timeit import repeat
 import numpy as np
 
 from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder, batch_loader
+from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
+from kpopnet.training.distributed import try_bfloat16
 from kpopnet.training.loop import Run, TrainingConfig, join_processes, set_up_torch
 from synth.samples.observe import ExtractionConfig, Observer
 from synth.sensor.model import SensorConfig
@@ -25,7 +27,11 @@ SHARDS, PER_SHARD, MEMORY_STEPS, POLL_S = 60, 20, 40, 0.25
 
 
 def measure() -> Figures:
-    return _preparing() | _steps() | _memory()
+    figures = _preparing() | _steps()
+    with contextlib.suppress(InputError):  # a processor that cannot
+        try_bfloat16()
+        figures |= {f"{name}_bfloat16": figure for name, figure in _steps(bfloat16=True).items()}
+    return figures | _memory()
 
 
 def _preparing() -> Figures:
@@ -45,10 +51,9 @@ def _preparing() -> Figures:
         return {"train.sample_ms": (prepared_ms("depth_ridge"), "ms a sample", against)}
 
 
-def _steps() -> Figures:
+def _steps(bfloat16: bool = False) -> Figures:
     """The default network on the CPU, steps on one and the same batch in turn with steps on fresh ones."""
-    threads = set_up_torch(0, workers=1)
-    model, config = ModelConfig(), TrainingConfig()
+    threads, model, config = set_up_torch(0, workers=1), ModelConfig(), TrainingConfig(bfloat16=bfloat16)
     with tempfile.TemporaryDirectory() as folder, join_processes("cpu") as processes:
         source = Observer(generated_set(Path(folder), SAMPLES), SensorConfig(), ExtractionConfig(), seed=0)
         batches = CropBatches(source, model, ShuffledOrder(SAMPLES, config.batch_size, 0), 0, config.augment)

@@ -2,6 +2,8 @@
 
 import math
 import shutil
+import subprocess
+import sys
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +20,8 @@ from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder, Smal
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.checkpoint import load_network, read_meta
-from kpopnet.networks.network import build_network
-from kpopnet.training import loop
+from kpopnet.networks.network import Encoder, build_network
+from kpopnet.training import distributed, loop
 from kpopnet.training.distributed import Processes, join_processes
 from kpopnet.training.loop import Run, RunConfig, TrainingConfig, train, validation_batches
 from kpopnet.training.validation import validate
@@ -260,3 +262,30 @@ def test_a_wider_network_begins_as_the_narrower_one_and_learns_with_all_its_chan
     assert (unheard != 0).float().mean() > 0.5
     with pytest.raises(InputError, match=r"another model; give it: model\.widths=\[8,8,16,16\]"):
         Run(start, replace(MODEL, kind=kind, widths=[8, 8, 8, 32]), 0, ALONE)
+
+
+def test_a_cpu_trains_in_bfloat16_where_it_is_asked_to(tmp_path, monkeypatch, caplog):
+    half_types, encode = [], Encoder.forward
+
+    def watched(self, crop):
+        maps = encode(self, crop)
+        half_types.append((self.training, maps[0].dtype))
+        return maps
+
+    monkeypatch.setattr(Encoder, "forward", watched)
+    monkeypatch.setattr(distributed, "TRIAL", "print(0.5)")
+    out = run_short(tmp_path / "half", replace(SHORT, bfloat16=True))
+    assert set(half_types) == {(True, torch.bfloat16), (False, torch.float32)}
+    assert "at 0.5 times the speed of float32" in caplog.text
+    weights = load_file(out / "model.safetensors")
+    assert all(one.dtype == torch.float32 for name, one in weights.items() if "num_batches" not in name)
+    plain = load_file(run_short(tmp_path / "plain") / "model.safetensors")
+    assert any(not torch.equal(one, plain[name]) for name, one in weights.items())
+    monkeypatch.setattr(distributed, "TRIAL", "import os; os.kill(os.getpid(), 4)")  # as an illegal instruction does
+    with pytest.raises(InputError, match=r"training\.bfloat16: it ended a process that tried it \(exit status -4\)"):
+        run_short(tmp_path / "illegal", replace(SHORT, bfloat16=True))
+
+
+def test_bfloat16_is_tried_as_the_encoder_is_trained():
+    tried = subprocess.run([sys.executable, "-c", distributed.TRIAL], capture_output=True, text=True, check=False)
+    assert tried.returncode < 0 or 0.05 < float(tried.stdout) < 20  # below 0: a processor that claims AMX
