@@ -85,6 +85,7 @@ ROUNDS = (
     (("arms", 10), ("forward", 15), ("smaller", 15), ("perfect", 1)),
     (("skill", 0), ("skill", 1), ("skill", 2), ("skill", 3)),
     (("arm", 30), ("arms", 20), ("forward", 30), ("smaller", 30)),
+    (("perfect", 2), ("perfect", 3)),
 )
 """Learners of each dance: the fault and its size, degrees or percent; of `perfect` and of the model of skill only a number."""
 
@@ -121,7 +122,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--dances", type=int, default=6, help="how many: %(default)s")
-    parser.add_argument("--rounds", type=int, default=len(ROUNDS), help="of learners, see ROUNDS: %(default)s")
+    parser.add_argument("--rounds", type=int, default=len(ROUNDS) - 1, help="of learners, see ROUNDS: %(default)s")
     parser.add_argument("--seconds", type=float, default=12.0, help="least length of a dance: %(default)s")
     parser.add_argument("--split", choices=SPLITS, default="train", help="people and dances: %(default)s")
     parser.add_argument("--seed", type=int, default=SEED)

@@ -5,7 +5,7 @@
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
     python tools/measure_noise.py data/kpop_train --estimator tracker                    # of images
     python tools/measure_noise.py data/graded/fresh --estimator realtime --known         # other people and dances
-    python tools/measure_noise.py data/graded/train data/graded/train_clips --estimator realtime --seen-teacher --write
+    python tools/measure_noise.py data/graded/seen data/graded/seen_clips --estimator realtime --seen-teacher --write
 
 Folders hold dances in the K-Pop format, or what tools/graded_learners.py makes. What perfect dancing keeps is learnt from every
 learner compared with their own true joints, so that only the sensor and the estimator differ; beside teachers as the estimator

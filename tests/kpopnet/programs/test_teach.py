@@ -304,6 +304,7 @@ def test_dances_are_shown_to_the_network_once_and_lessons_by_depth_go_by_what_it
         assert tried._config.noise == (f"{noise}_seen_teacher" if is_seen else noise)
         expected_m = (dance.seen if is_seen else dance.performance).joints_m[30:]
         np.testing.assert_array_equal(tried._teacher.joints_m, expected_m)
+        tried.compile()
     library.write("dance_000", danced)  # another dance of the same name
     assert library.dance("dance_000").seen is None
     (tmp_path / "teach" / "seen" / "dance_000.npz").write_bytes(b"no file")
