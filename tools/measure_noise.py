@@ -28,7 +28,7 @@ from kpopnet.dance.dtw import PathDistances
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.noise.sight import path_distances, segment_differences
 from kpopnet.dance.noise.steady import PART_OF_SEGMENT, SEGMENTS, steady_squared
-from kpopnet.dance.noise.table import NOISE, SEEN, TABLE, EstimatorNoise, doubt, known_noise
+from kpopnet.dance.noise.table import NOISE, RECORDED, SEEN, TABLE, EstimatorNoise, doubt, known_noise
 from kpopnet.dance.parts import CONTEXT_FRAMES, HOP_FRAMES
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, TimeGrid, score_dance
@@ -129,6 +129,15 @@ def with_seen_teachers(learners: Sequence[Seen], estimator: str) -> list[Seen]:
     teachers = {one.dance: one.teacher for one in learners}
     seen = {dance: seen_teacher(teachers[dance], estimator) for dance in tqdm(teachers, "teachers", unit="dance")}
     return [one._replace(shown=Performance(seen[one.dance].joints_m, seen[one.dance].times_s)) for one in learners]
+
+
+def with_recorded_teachers(learners: Sequence[Seen]) -> list[Seen]:
+    """The learners beside a teacher who was recorded as they were: the first other perfect learner of the dance."""
+    perfect = [one for one in learners if one.is_perfect]
+    return [
+        one._replace(shown=next(other.estimated for other in perfect if other.dance == one.dance and other is not one))
+        for one in learners
+    ]
 
 
 def own_errors(seen: Seen, sees_depth: bool = True) -> Own:
@@ -286,6 +295,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--estimator", choices=MEASURED, default="tracker", help="what is measured: %(default)s")
     parser.add_argument("--checkpoint", help="folder of its network")
     parser.add_argument("--seen-teacher", action="store_true", help="compare with teachers as the estimator sees them")
+    recorded = "compare with teachers who were recorded as the learners were: others who dance perfectly"
+    parser.add_argument("--recorded-teacher", action="store_true", help=recorded)
     parser.add_argument("--known", action="store_true", help="only score, with the estimator's noise of the table")
     parser.add_argument("--write", action="store_true", help=f"enter the noise in {TABLE.name} under the estimator's name")
     given = parser.parse_args(arguments)
@@ -299,6 +310,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     name = given.estimator
     if given.seen_teacher:
         learners, name = with_seen_teachers(learners, name), f"{name}{SEEN}"
+    elif given.recorded_teacher:
+        learners, name = with_recorded_teachers(learners), f"{name}{RECORDED}"
     if given.known:
         noise = known_noise(name)
         print(summary(learners, [scored(one, noise) for one in learners]))

@@ -22,7 +22,7 @@ from tqdm import tqdm
 from kpopnet.dance.diagnosis import AS_RECORDED, CORRECTIONS, Correction, RecordingFault, composed, corrected, delayed, diagnose
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
-from kpopnet.dance.noise.table import NOISE, SEEN, SEEN_BY
+from kpopnet.dance.noise.table import NOISE, RECORDED, SEEN
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import ABSOLUTE_S, Performance, from_absolute_clocks
 from kpopnet.dance.scoring import SCORERS, score_dance
@@ -110,20 +110,29 @@ def parsed() -> argparse.Namespace:
         "estimator of the learner's joints, whose known errors are not counted; auto, the default, is webcam for MediaPipe's "
     )
     noise += "points and none, as for true joints, elsewhere"
-    known = (name for name in NOISE if not name.endswith(SEEN))
-    parser.add_argument("--noise", choices=("auto", *known), default="auto", help=noise)
-    seen = f"compares with the teacher as the estimator of --noise ({', '.join(SEEN_BY)}) sees them: what it is off of all who"
-    seen += " dance the same is no fault. Simulated people dance before a camera for it: a core needs the dance's length"
-    parser.add_argument("--seen-teacher", action="store_true", help=seen)
+    kinds = [name for name in NOISE if not name.endswith((SEEN, RECORDED))]
+    parser.add_argument("--noise", choices=("auto", *kinds), default="auto", help=noise)
+    joints = (
+        "what the teacher's joints are: true; recorded, by the estimator of --noise, too; or seen: true, and compared are what"
+    )
+    joints += (
+        " that estimator sees of simulated people who dance the same, so that what it is off of all of them is no fault (a core"
+    )
+    joints += " takes the dance's length for it): %(default)s"
+    parser.add_argument("--teacher-joints", choices=("true", "seen", "recorded"), default="true", help=joints)
     parser.add_argument("--lang", choices=LANGUAGES, default="en", help="language of page and text: %(default)s")
     add_grading(parser, "with --bpm")
     parser.add_argument("--bpm", type=float, help="tempo of the music: phrases of eight beats instead of 4 s, delays in beats")
     given = parser.parse_args()
     if given.bpm is not None and not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats a minute")
-    if given.seen_teacher and given.noise not in SEEN_BY:
-        known = ", ".join(SEEN_BY)
-        raise InputError(f"--seen-teacher: needs the estimator of the learner's joints, --noise {known}; found {given.noise}")
+    for joints, of in (("seen", SEEN), ("recorded", RECORDED)):
+        known = [name.removesuffix(of) for name in NOISE if name.endswith(of)]
+        if given.teacher_joints == joints and given.noise not in known:
+            raise InputError(
+                f"--teacher-joints {joints}: needs the estimator of the learner's joints, --noise {', '.join(known)}; found "
+                f"{given.noise}"
+            )
     check_between("--late", given.late, -ABSOLUTE_S, ABSOLUTE_S)
     check_grading(given)
     return given
@@ -148,7 +157,11 @@ def main() -> None:
     done = composed(before.learner, (diagnosis.correction or AS_RECORDED).learner)
     diagnosis = diagnosis._replace(mirrored=done == "mirrored")
     teacher, learner = diagnosis.teacher, diagnosis.learner
-    compared = seen_teacher(teacher, given.noise) if given.seen_teacher else teacher
+    compared = teacher
+    if given.teacher_joints == "seen":
+        compared = seen_teacher(teacher, given.noise)
+    elif given.teacher_joints == "recorded":
+        compared = Performance(teacher.joints_m, teacher.times_s, teacher.confidence, given.noise)
     score = score_dance(compared, learner, scorer, free_s=given.free)
     if math.isnan(score.similarity):
         if score.all_free:

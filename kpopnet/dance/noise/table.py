@@ -50,11 +50,18 @@ SEEN_BY = ("network", "realtime")
 """Estimators of which this noise is known."""
 
 
+RECORDED = "_recorded_teacher"
+"""Ends the name of an estimator's noise against a teacher who was recorded and estimated as the learner was: one person, whose
+own errors come on top."""
+
+
 def noise_between(teacher: str, learner: str) -> str:
     """The name of the noise of a learner's estimator against a teacher's joints, of an `estimator` as of `Performance`.
 
     Raises InputError where the teacher is as another estimator than the learner's sees them.
     """
+    if teacher == learner and f"{learner}{RECORDED}" in NOISE:
+        return f"{learner}{RECORDED}"
     if not teacher.endswith(SEEN):
         return learner
     if learner.removesuffix(SEEN) != teacher.removesuffix(SEEN):

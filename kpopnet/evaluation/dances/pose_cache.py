@@ -38,7 +38,7 @@ _SCHEMA = {
     "seconds": ArraySchema("f", ()),
 }
 
-_SEEN_SCHEMA = {"joints_m": ArraySchema("f", ("frames", NUM_JOINTS, 3)), "times_s": ArraySchema("f", ("frames",))}
+_SEEN_SCHEMA = {"joints_m": ArraySchema("f", ("frames", NUM_JOINTS, 3))}
 
 SeeTeacher = Callable[[Performance, str, Estimator], Performance]
 """From a teacher, the name of an estimator and itself, the teacher as it sees them: `kpopnet.programs.score.seen_teacher`."""
@@ -98,11 +98,10 @@ class PoseCache:
             digest.update(source.read_bytes())
         path = self.folder / f"{dance.name}.teacher.{digest.hexdigest()[:10]}.npz"
         if not path.is_file():
-            seen = see(teacher, self.name, self._estimator)
-            self._store(path, joints_m=seen.joints_m, times_s=seen.times_s)
+            self._store(path, joints_m=see(teacher, self.name, self._estimator).joints_m)
         try:
-            stored = read_npz(path, _SEEN_SCHEMA)
-            return Performance(stored["joints_m"], stored["times_s"], estimator=f"{self.name}{SEEN}")
+            joints_m = read_npz(path, _SEEN_SCHEMA)["joints_m"]
+            return Performance(joints_m, teacher.times_s, teacher.confidence, f"{self.name}{SEEN}")
         except InputError as error:
             raise InputError(f"{path}: damaged ({error}); delete it to make it again") from error
 

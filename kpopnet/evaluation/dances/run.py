@@ -130,9 +130,9 @@ def run_dances(
     """Scores all learners of the first `count` dances, or of all; estimates the poses that are not cached in `poses`.
 
     Estimators are settings by name, the main one first; without scorers all of SCORERS are taken. With `see_teacher` learners
-    are compared with teachers as their estimator sees them. A dance that cannot be read,
-    estimated or scored is left out with all its learners. True joints are scored only if all learners of the others have them.
-    Raises InputError if no dance could be scored, or a true pose is missing and there is no estimator.
+    are compared with teachers as their estimator sees them. A dance that cannot be read, estimated or scored is left out with
+    all its learners. True joints are scored only if all learners of the others have them. Raises InputError if no dance could
+    be scored, or a true pose is missing and there is no estimator.
     """
     estimators, assumptions = _start_anywhere(estimators)
     caches = {name: PoseCache(poses, name, settings) for name, settings in estimators.items()}

@@ -5,7 +5,7 @@ from typing import Any
 
 from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
 from kpopnet.dance.feedback import Feedback, Phrase
-from kpopnet.dance.noise.table import SEEN
+from kpopnet.dance.noise.table import RECORDED, SEEN
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.words.moments import at, clock
 from kpopnet.evaluation.values import plain
@@ -70,7 +70,7 @@ def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
     within = Said(
         "± {points}: on true joints 95 % of simulated dances seen by {estimator} score within it",
         points=f"{score.uncertainty:.0f}",
-        estimator=score.scorer.noise.removesuffix(SEEN),
+        estimator=score.scorer.noise.removesuffix(SEEN).removesuffix(RECORDED),
     )
     sides = Said("compared as in a mirror: left and right are as the teacher has them") if diagnosis.mirrored else ""
     notes = [str(diagnosis), sides, *map(_fault_text, diagnosis.faults), within if score.uncertainty > 0 else ""]

@@ -152,3 +152,17 @@ def test_a_teacher_is_compared_with_learners_of_the_estimator_that_sees_them(mon
         with pytest.raises(InputError, match=f"as network sees them, the learner's of noise {wrong}"):
             score_dance(seen_so, learner, replace(OURS, noise=wrong))
     assert all(f"{name}{SEEN}" in NOISE for name in SEEN_BY)
+
+
+def test_a_teacher_who_was_recorded_as_the_learner_has_a_noise_of_its_own(alike):
+    beside = noise.with_recorded_teachers(alike)
+    for one in beside:
+        assert one.shown is not one.estimated and one.shown in [other.estimated for other in alike if other.dance == one.dance]
+    seen, recorded = (noise.measured([noise.own_errors(one) for one in noise.compared(these)]) for these in (alike, beside))
+    assert recorded.std_rad["right_hand_inclination"] > 1.2 * seen.std_rad["right_hand_inclination"]  # of two people
+    times_s = np.arange(len(JOINTS_M)) / FPS
+    for name, expected in (("network", "network_recorded_teacher"), ("webcam", "webcam")):
+        teacher, learner = (Performance(JOINTS_M, times_s, estimator=name) for _ in range(2))
+        assert score_dance(teacher, learner).scorer.noise == expected
+        assert score_dance(teacher, learner, replace(OURS, noise=name)).scorer.noise == expected
+        assert score_dance(performed(JOINTS_M), learner).scorer.noise == name

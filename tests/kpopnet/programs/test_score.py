@@ -228,15 +228,20 @@ def test_a_teacher_as_the_estimator_sees_them(files, run, tmp_path):
     words = tmp_path / "short.npz", learner, "--noise", "network"
     run(*words)
     plain = stored(tmp_path)
-    told = run(*words, "--seen-teacher")
+    told = run(*words, "--teacher-joints", "seen")
     seen = stored(tmp_path)
     assert "simulated dances seen by network score within it" in told
     assert [one["scorer"]["noise"] for one in (plain, seen)] == ["network", "network_seen_teacher"]
     assert seen["score"]["similarity"] != plain["score"]["similarity"] and seen["score"]["similarity"] > 60
-    refused = run(tmp_path / "short.npz", learner, "--seen-teacher", fails=True)
-    assert "--noise network, realtime; found auto" in refused
+    run(*words, "--teacher-joints", "recorded")
+    recorded = stored(tmp_path)
+    assert recorded["scorer"]["noise"] == "network_recorded_teacher"
+    assert recorded["score"]["uncertainty"] > seen["score"]["uncertainty"]
+    for joints in ("seen", "recorded"):
+        refused = run(tmp_path / "short.npz", learner, "--teacher-joints", joints, fails=True)
+        assert f"--teacher-joints {joints}: needs the estimator" in refused and "--noise network, realtime" in refused
     headless_m = joints_m[:90].copy()
     headless_m[:, Joint.HEAD] = np.nan
     np.savez(tmp_path / "headless.npz", joints_m=headless_m, fps=30)
-    refused = run(tmp_path / "headless.npz", learner, "--noise", "network", "--seen-teacher", fails=True)
+    refused = run(tmp_path / "headless.npz", learner, "--noise", "network", "--teacher-joints", "seen", fails=True)
     assert "head missing in every frame; all joints are needed" in refused
