@@ -46,6 +46,7 @@ def in_processes(
         # Spawned, not forked: a forked child would inherit threads, locks and GL state half-way through.
         context = multiprocessing.get_context("spawn")
         counter = context.Value("q", 0) if on_progress else None
+        others = set(multiprocessing.active_children())
         pool = ProcessPoolExecutor(processes, context, initializer=_start_worker, initargs=(pickle.dumps(work), counter))
         reported = 0
         try:
@@ -61,6 +62,11 @@ def in_processes(
             raise WorkerDiedError(
                 f"one of {processes} processes died (out of memory, or killed); processes=1 needs the least memory"
             ) from error
+        except KeyboardInterrupt:
+            # They would finish what they do, and begin what was queued. Files appear whole or not at all.
+            for process in set(multiprocessing.active_children()) - others:
+                process.terminate()
+            raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 

@@ -2,6 +2,7 @@
 
 import math
 import os
+import time
 from functools import partial
 
 import cv2
@@ -33,3 +34,18 @@ def test_other_processes_have_one_thread_and_this_environment_stays():
     before = dict(os.environ)
     counts = dict(in_processes(os.getenv, ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"], 2))
     assert counts == {0: "1", 1: "1"} and dict(os.environ) == before
+
+
+def asleep(seconds: float, count) -> None:
+    count()
+    time.sleep(seconds)
+
+
+def test_an_interrupt_ends_the_processes_whatever_they_do():
+    def interrupted(_: int) -> None:
+        raise KeyboardInterrupt
+
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        list(in_processes(asleep, [300, 300, 300], 2, interrupted))
+    assert time.monotonic() - began < 100  # less than one of them sleeps
