@@ -46,7 +46,7 @@ SEEN = "_seen_teacher"
 """Ends the name of an estimator's noise against a teacher as the estimator sees them (`synth.dances.seen`), where what it is
 off of all who dance the same is no difference."""
 
-SEEN_BY = ("network", "realtime")
+SEEN_BY = ("network", "realtime", "best")
 """Estimators of which this noise is known."""
 
 

@@ -65,7 +65,7 @@ class KpopConfig(BenchmarkConfig):
         dance: name of the dance whose scores over time are plotted; by default the dance in which the score of a worse
             learner is farthest above, or least below, that of the next better learner.
         poses: folder of the cached poses of the estimators; by default `poses` in the folder of the set.
-        seen_teacher: each estimator's learners are compared with the teacher as it sees them (network, realtime): what
+        seen_teacher: each estimator's learners are compared with the teacher as it sees them (network, realtime, best): what
             it is off of all who dance the same is no fault.
     """
 
