@@ -22,6 +22,7 @@ from kpopnet.dance.scoring import (
     Scorer,
     Stretches,
     TimeGrid,
+    beside,
     check_observed,
     derived_torso,
     derives_torso,
@@ -53,8 +54,9 @@ class OnlineScorer:
     ) -> None:
         """`free_s` as for `score_dance`; `torso_is_derived` as of the whole learner's `Performance`, which is not known yet.
 
-        Raises InputError if the teacher's dance is shorter than a window.
+        Raises InputError if the teacher's dance is shorter than a window, and as `noise_between`.
         """
+        scorer = beside(scorer, teacher)
         self.scorer, self.lag_s = scorer, KERNEL_RADIUS_S
         self._derives_torso = derives_torso(scorer, teacher, torso_is_derived)
         self._grid = TimeGrid(derived_torso(teacher) if self._derives_torso else teacher, scorer.feature, free_s=free_s)

@@ -139,6 +139,14 @@ def with_derived_torso(joints_m: np.ndarray, confidence: np.ndarray) -> tuple[np
     return joints_m, confidence
 
 
+def off_by(dance: Performance, errors_m: np.ndarray, estimator: str) -> Performance:
+    """A dance whose joints are off by (T, 15, 3) errors of an estimator, metres; a torso that was derived is derived anew."""
+    joints_m, confidence = dance.joints_m + errors_m, dance.confidence
+    if dance.torso_is_derived:
+        joints_m, confidence = with_derived_torso(joints_m, confidence)
+    return Performance(joints_m, dance.times_s, confidence, estimator)
+
+
 def check_rate(dance: Performance) -> Performance:
     """Raises InputError for a dance whose frames are farther apart than gaps may be: hardly a joint could be resampled."""
     interval_s = float(np.median(np.diff(dance.times_s))) if len(dance) > 1 else 0.0

@@ -221,9 +221,9 @@ def score_dance(
     or no joint is known in one of the dances; or joints are given without `fps`.
     """
     teacher, learner = as_performance(teacher, fps, "teacher"), as_performance(learner, fps, "learner")
-    if isinstance(scorer, PartScorer):
-        of_learner = learner.estimator if scorer.noise == "auto" and learner.estimator != "none" else scorer.noise
-        scorer = replace(scorer, noise=noise_between(teacher.estimator, of_learner))
+    if isinstance(scorer, PartScorer) and scorer.noise == "auto" and learner.estimator != "none":
+        scorer = replace(scorer, noise=learner.estimator)
+    scorer = beside(scorer, teacher)
     if not unobserved_is_nan:
         check_observed(learner.is_observed, len(learner), "learner")
     learner = Performance(learner.joints_m, learner.times_s - scorer.latency_s, learner.confidence)
@@ -238,6 +238,11 @@ def score_dance(
         comparison.keep_windows(len(grid.frames))
         scores.append(comparison.summary())
     return preferred(*scores)
+
+
+def beside(scorer: Scorer, teacher: Performance) -> Scorer:
+    """A scorer with the noise of its learners' estimator against this teacher's joints; raises as `noise_between`."""
+    return replace(scorer, noise=noise_between(teacher.estimator, scorer.noise)) if isinstance(scorer, PartScorer) else scorer
 
 
 def derives_torso(scorer: Scorer, teacher: Performance, of_learner: bool) -> bool:

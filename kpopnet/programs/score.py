@@ -24,7 +24,7 @@ from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.noise.table import NOISE, RECORDED, SEEN
 from kpopnet.dance.parts import PartScorer
-from kpopnet.dance.performance import ABSOLUTE_S, Performance, from_absolute_clocks
+from kpopnet.dance.performance import ABSOLUTE_S, Performance, from_absolute_clocks, off_by
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.moments import PHRASE_S
@@ -79,7 +79,7 @@ def seen_teacher(teacher: Performance, name: str, estimator: Estimator | None = 
     movement, times_s = posed(joints_m, TeacherBody(**teacher_arrays())), teacher.times_s - teacher.times_s[0]
     with tqdm(total=PEOPLE, desc=f"the teacher as {name} sees them", unit="person", leave=False, disable=None) as bar:
         errors_m = common_errors_m(joints_m, *movement, estimator or seeing_estimator(name), times_s, bar.update)
-    return Performance(teacher.joints_m + errors_m, teacher.times_s, teacher.confidence, f"{name}{SEEN}")
+    return off_by(teacher, errors_m, f"{name}{SEEN}")
 
 
 def seeing_estimator(name: str) -> Estimator:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.dance.noise.table import SEEN
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import Performance, off_by
 from kpopnet.dance.scoring import check_free, check_weights
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
@@ -211,13 +211,16 @@ class Library:
         path = self.folder / SEEN_TEACHERS / f"{identity}.npz"
         if not path.is_file():
             return dancers
-        stored = read_npz(path, _SEEN_SCHEMA)
+        try:
+            stored = read_npz(path, _SEEN_SCHEMA)
+        except InputError as error:
+            raise InputError(f"{error}; delete it, and kpopnet teach see makes it again") from error
         if str(stored["of"]) != _digest(dancers):
             return dancers
         expect(len(stored["errors_m"]) == len(dancers), f"{path}: errors_m", f"{len(dancers)} dancers")
         expect(stored["errors_m"].shape[1:] == dancers[0].joints_m.shape, f"{path}: errors_m", "a row for each frame")
         return [
-            replace(one, seen=Performance(one.joints_m + off_m, one.performance.times_s, estimator=f"{SEEN_AS}{SEEN}"))
+            replace(one, seen=off_by(one.performance, off_m.astype(np.float64), f"{SEEN_AS}{SEEN}"))
             for one, off_m in zip(dancers, stored["errors_m"], strict=True)
         ]
 

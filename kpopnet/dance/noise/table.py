@@ -46,9 +46,8 @@ SEEN = "_seen_teacher"
 """Ends the name of an estimator's noise against a teacher as the estimator sees them (`synth.dances.seen`), where what it is
 off of all who dance the same is no difference."""
 
-SEEN_BY = ("network", "realtime", "best")
+SEEN_BY = tuple(name.removesuffix(SEEN) for name in NOISE if name.endswith(SEEN))
 """Estimators of which this noise is known."""
-
 
 RECORDED = "_recorded_teacher"
 """Ends the name of an estimator's noise against a teacher who was recorded and estimated as the learner was: one person, whose

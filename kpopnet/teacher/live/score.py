@@ -54,11 +54,9 @@ class DanceTry:
         """Begins a try; `noise` is the name of the estimator's errors in `kpopnet.dance.noise.table.NOISE`."""
         self._lesson, self._about, self._clock = lesson, dance.about, clock
         self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)  # seconds of the dance
-        teacher = dance.performance
-        if dance.seen is not None and dance.seen.estimator == f"{noise}{SEEN}":
-            teacher, noise = dance.seen, dance.seen.estimator
         self._config = scorer_config(lesson, noise)
-        self._teacher = excerpt(teacher, self.begin_s, self.end_s)
+        is_seen = dance.seen is not None and dance.seen.estimator == f"{noise}{SEEN}"
+        self._teacher = excerpt(dance.seen if is_seen else dance.performance, self.begin_s, self.end_s)
         self._scorer = OnlineScorer(self._teacher, self._config, self._about.free_s)
         self._images = 0  # while the dance went on, whether the learner was seen or not
         self._seen: list[tuple[float, np.ndarray, np.ndarray]] = []  # times without the latency, joints, confidence
@@ -273,4 +271,4 @@ def scorer_config(lesson: Lesson, noise: str) -> PartScorer:
 def excerpt(dance: Performance, begin_s: float, end_s: float) -> Performance:
     """The part of a dance between two times, on the dance's own clock."""
     inside = (dance.times_s >= begin_s - 1e-6) & (dance.times_s <= end_s + 1e-6)
-    return Performance(dance.joints_m[inside], dance.times_s[inside], dance.confidence[inside])
+    return Performance(dance.joints_m[inside], dance.times_s[inside], dance.confidence[inside], dance.estimator)

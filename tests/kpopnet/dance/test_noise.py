@@ -10,8 +10,9 @@ from programs import tool
 
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.noise.table import NOISE, SEEN, SEEN_BY, doubt, kept_by_noise
-from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import OURS, DanceScore, score_dance
+from kpopnet.dance.online import OnlineScorer
+from kpopnet.dance.performance import Performance, off_by
+from kpopnet.dance.scoring import OURS, DanceScore, derived_torso, score_dance
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
@@ -148,10 +149,16 @@ def test_a_teacher_is_compared_with_learners_of_the_estimator_that_sees_them(mon
     assert score.uncertainty < score_dance(performed(JOINTS_M), learner, replace(OURS, noise="network")).uncertainty
     by_itself = score_dance(seen_so, Performance(learner.joints_m, learner.times_s, learner.confidence, "network"))
     assert by_itself.similarity == score.similarity
+    online = OnlineScorer(seen_so, replace(OURS, noise="network"))
+    for frame in zip(learner.joints_m, learner.times_s, learner.confidence, strict=True):
+        online.update(*frame)
+    assert online.finish().similarity == pytest.approx(score.similarity, abs=1e-6)
+    derived = derived_torso(seen_so)
+    assert off_by(derived, np.full(JOINTS_M.shape, [0.01, 0.0, 0.0]) * np.arange(15)[:, None], "network").torso_is_derived
     for wrong in ("realtime", "none", "auto"):
         with pytest.raises(InputError, match=f"as network sees them, the learner's of noise {wrong}"):
             score_dance(seen_so, learner, replace(OURS, noise=wrong))
-    assert all(f"{name}{SEEN}" in NOISE for name in SEEN_BY)
+    assert set(SEEN_BY) == {"network", "realtime", "best"} and all(f"{name}{SEEN}" in NOISE for name in SEEN_BY)
 
 
 def test_a_teacher_who_was_recorded_as_the_learner_has_a_noise_of_its_own(alike):

@@ -76,7 +76,7 @@ def test_the_teacher_is_off_as_the_estimator_is_of_others_and_what_is_missing_st
 def test_the_same_people_dance_every_time(monkeypatch):
     monkeypatch.setattr(seen, "PEOPLE", 1)
     movement = posed(JOINTS_M[:4], TeacherBody(**teacher_arrays()))
-    first, again = ShortArm(monkeypatch), None
+    first = ShortArm(monkeypatch)
     seen.common_errors_m(JOINTS_M[:4], *movement, first, TIMES_S[:4])
     again = ShortArm(monkeypatch)
     seen.common_errors_m(JOINTS_M[:4], *movement, again, TIMES_S[:4])
