@@ -45,17 +45,24 @@ class FinderNetwork(nn.Module):
         self.last = nn.Sequential(
             nn.ReLU(), convolution(stem, 2 * stem, 3), nn.ReLU(inplace=True), nn.Conv2d(2 * stem, OUTPUTS, 1)
         )
+        self.bfloat16 = False  # whether all but the last layer is trained in it
 
     def forward(self, image: Tensor) -> Seen:
         """From the (B, 5, H, W) of `observed`, H and W multiples of 16."""
+        # Votes are metres: bfloat16 would round them to whole centimetres.
+        with torch.autocast(image.device.type, torch.bfloat16, enabled=self.training and self.bfloat16):
+            features = self._features(image)
+        out = self.last[-1](features.float())
+        return Seen(out[:, 0], out[:, 1:])
+
+    def _features(self, image: Tensor) -> Tensor:
         stem = self.encoder.stem(image)
         fine = self.encoder.fine(stem)
         middle = self.encoder.middle(fine)
         coarse = self.encoder.coarse(middle)
         fine, middle, coarse = (lateral(x) for lateral, x in zip(self.laterals, (fine, middle, coarse), strict=True))
         joined = self.smooth(fine + self.up(middle + self.up(coarse)))
-        out = self.last(self.up(self.from_coarse(joined)) + self.from_stem(stem)).float()
-        return Seen(out[:, 0], out[:, 1:])
+        return self.last[:-1](self.up(self.from_coarse(joined)) + self.from_stem(stem))
 
 
 def observed(depth_m: Tensor, intrinsics: Tensor) -> Tensor:

@@ -5,11 +5,14 @@ import pytest
 import torch
 from programs import run_program
 from room_image_files import write_room_images
+from safetensors.torch import load_file
 
 from kpopnet.data.canvas import STRIDE
 from kpopnet.data.room_images import RoomImages
 from kpopnet.errors import InputError
+from kpopnet.finder.network import FinderNetwork
 from kpopnet.skeleton import Joint
+from kpopnet.training import distributed
 from kpopnet.training.finder import WEIGHTS, FinderRun, FinderTraining, LoadedImages, SceneViews, train_finder, validate
 
 
@@ -47,6 +50,27 @@ def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
 def _save_and_stop(run, described, save=FinderRun.save):
     save(run, described)
     raise KeyboardInterrupt
+
+
+def test_it_trains_in_bfloat16_where_it_is_asked_to(data, tmp_path, monkeypatch):
+    types, votes = [], FinderNetwork._features
+
+    def watched(self, image):
+        features = votes(self, image)
+        types.append((self.training, features.dtype))
+        return features
+
+    monkeypatch.setattr(FinderNetwork, "_features", watched)
+    monkeypatch.setattr(distributed, "TRIAL", "print(2)")
+    for name, bfloat16 in (("half", True), ("plain", False)):
+        train_finder(FinderTraining(steps=2, batch_size=2, bfloat16=bfloat16), 0, data, tmp_path / name, 1, "cpu")
+    assert set(types) == {(True, torch.bfloat16), (True, torch.float32), (False, torch.float32)}
+    half, plain = (load_file(tmp_path / name / WEIGHTS) for name in ("half", "plain"))
+    assert all(one.dtype == plain[name].dtype for name, one in half.items())
+    assert any(not torch.equal(one, plain[name]) for name, one in half.items())
+    monkeypatch.setattr(distributed, "TRIAL", "import os; os.kill(os.getpid(), 4)")  # as an illegal instruction does
+    with pytest.raises(InputError, match=r"bfloat16: it ended a process that tried it"):
+        train_finder(FinderTraining(bfloat16=True), 0, data, tmp_path / "illegal", 1, "cpu")
 
 
 def test_the_program_trains(data, tmp_path):
