@@ -47,6 +47,7 @@ from synth.dances.simulate import KpopSim
 from synth.motion import SPLITS, MotionConfig, build_motion
 from synth.rooms.crops import PersonCropsSet
 from synth.rooms.images import RoomImagesSet
+from synth.rooms.masks import PersonMasksSet
 from synth.samples.observe import ExtractionConfig, FreezeConfig
 from synth.samples.sampler import SampleConfig
 from synth.samples.writer import SetConfig, finish, generate
@@ -190,6 +191,7 @@ BENCHMARKS: dict[str, type[SetGenerator]] = {
     "kpop_sim": KpopSim,
     "room_images": RoomImagesSet,
     "person_crops": PersonCropsSet,
+    "person_masks": PersonMasksSet,
 }
 """Each benchmark that can be simulated."""
 

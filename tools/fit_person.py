@@ -103,7 +103,8 @@ class Looks:
         """Raises InputError where the folder holds files of another network, finder or seed."""
         folder, weights = self.path(0).parent, hashlib.sha256((self.checkpoint / WEIGHTS).read_bytes()).hexdigest()
         folder.mkdir(parents=True, exist_ok=True)
-        claim_folder(folder, "looks_*.npz", SHA256["finder"] | {"weights": weights, "seed": self.seed, "split": self.split})
+        finder = SHA256["finder"] | SHA256["masks"]
+        claim_folder(folder, "looks_*.npz", finder | {"weights": weights, "seed": self.seed, "split": self.split})
 
     def made(self, files: int) -> list[Found]:
         """Of each file those who are a person or none; makes what is missing."""

@@ -30,7 +30,7 @@ from kpopnet.data.shards import ShardedSet
 from kpopnet.datasets.protocol import BenchmarkConfig
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
-from kpopnet.finder.network import export_finder
+from kpopnet.finder.network import CellsNetwork, FinderNetwork, MaskNetwork, export_finder
 from kpopnet.finder.network import load_network as load_finder
 from kpopnet.networks import META, PERSON, WEIGHTS, portable
 from kpopnet.networks.backend import GRAPH, filters
@@ -41,8 +41,6 @@ from kpopnet.networks.onnx_export import export_network
 from kpopnet.networks.over_time import OverTime
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.endings import user_errors
-
-FINDER, FINDER_GRAPH = kpopnet.weights.SHA256["finder"]
 
 
 def ship(checkpoint: Path, folder: Path) -> None:
@@ -83,14 +81,16 @@ def without_filters(content: bytes, weights: Path) -> bytes:
     return model.SerializeToString()
 
 
-def ship_finder(weights: Path, folder: Path) -> None:
-    """Writes a finder, and its digests, into such a folder; raises InputError for damaged weights."""
-    files = {FINDER: _halved(load_finder(weights), weights)}
+def ship_finder(weights: Path, folder: Path, network: str, kind: type[CellsNetwork]) -> None:
+    """Writes a network of the finder, and its digests, into such a folder; raises InputError for damaged weights."""
+    name, graph = kpopnet.weights.SHA256[network]
+    files = {name: _halved(load_finder(weights, kind), weights)}
     with tempfile.TemporaryDirectory() as place:
-        stored = Path(place) / FINDER
-        stored.write_bytes(files[FINDER])
-        files[FINDER_GRAPH] = without_filters(export_finder(load_finder(stored)), stored)
-    _write(folder, "finder", files)
+        stored = Path(place) / name
+        stored.write_bytes(files[name])
+        files[graph] = without_filters(export_finder(load_finder(stored, kind)), stored)
+    _write(folder, network, files)
+    print("; ".join(f"{name}: {(folder / name).stat().st_size:,} bytes" for name in files))
 
 
 def ship_over_time(causal: Path, future: Path, folder: Path) -> None:
@@ -160,21 +160,24 @@ def main() -> None:
     parser.add_argument("checkpoint", type=Path, nargs="?", help="folder of a trained network, or a .safetensors file")
     parser.add_argument("--future", type=Path, help="the other network over time, which looks at later frames")
     parser.add_argument("--lifting", type=Path, help="a network that lifts joints, as tools/fit_lifting.py made it")
+    parser.add_argument("--masks", type=Path, help="a finder's mask network: finder.safetensors of training.part=masks")
     parser.add_argument("--set", type=Path, help="folder of a frozen set, on which a network is compared with its float16 copy")
     parser.add_argument("--images", type=int, default=500, help="how many images of it: %(default)s")
     parser.add_argument("--out", type=Path, default=kpopnet.weights.FOLDER, help="the folder to write: %(default)s")
     given = parser.parse_args()
-    if (given.checkpoint is None) == (given.lifting is None):
-        parser.error("give a checkpoint or --lifting")
+    if sum(one is not None for one in (given.checkpoint, given.lifting, given.masks)) != 1:
+        parser.error("give a checkpoint, --lifting or --masks")
     if given.lifting is not None:
         ship_lifting(given.lifting, given.out)
+        return
+    if given.masks is not None:
+        ship_finder(given.masks, given.out, "masks", MaskNetwork)
         return
     if given.future is not None:
         ship_over_time(given.checkpoint, given.future, given.out)
         return
     if given.checkpoint.suffix == ".safetensors":
-        ship_finder(given.checkpoint, given.out)
-        print("; ".join(f"{name}: {(given.out / name).stat().st_size:,} bytes" for name in (FINDER, FINDER_GRAPH)))
+        ship_finder(given.checkpoint, given.out, "finder", FinderNetwork)
         return
     if given.set is None:
         parser.error("a network needs --set")

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from kpopnet.data.canvas import STRIDE, Reduced, reduced
 from kpopnet.errors import InputError, check_between
 from kpopnet.estimator import FRAME_S
 from kpopnet.finder.following import UNKNOWN, Followed
+from kpopnet.finder.masks import open_masks, outlined
 from kpopnet.finder.people import (
     INPUTS,
     OUTPUT_NAMES,
@@ -64,24 +66,20 @@ class PersonFinder:
         """
         check_camera(camera)
         self.camera, self.config, self.looker, self._followed, self._time_s = camera, config, looker, Followed(), 0.0
-        self._network = open_finder(config.weights)
+        self._network, self._masks = open_finder(config.weights), open_masks()
 
     def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
         """The people in the next image, as `kpopnet.pose.extraction.Extractor`: (H, W) metres, 0 where nothing was measured."""
         depth_m = depth_in_metres(depth_m, self.camera)
         if depth_m.ndim != 2:
             raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}; pass one image per call")
-        canvas = reduced(depth_m, self.camera)
-        cells = cells_of(self._network, canvas)
-        people = gather_people(cells, LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS)
-        probability, given = certainty(people), self.config.least_certainty
+        given = self.config.least_certainty
         least = FOLLOWED_CERTAINTY if given is None else min(FOLLOWED_CERTAINTY, given)
-        candidate = probability >= least
-        numbers = np.append(0, np.where(candidate, np.cumsum(candidate), 0)).astype(np.uint8)
-        owners, boxes = pixel_owners(
-            depth_m, cells.depth_m, cells.probability, numbers[people.owner], canvas.reduction, int(candidate.sum())
-        )
-        found = enumerate(zip(boxes, people.centres_m[candidate], probability[candidate], strict=True), 1)
+        candidates = candidates_in(self._network, depth_m, self.camera, least)
+        owners, boxes = candidates.owners, candidates.boxes
+        if len(boxes):
+            owners, boxes = outlined(self._masks, depth_m, self.camera, owners, candidates.centres_m)
+        found = enumerate(zip(boxes, candidates.centres_m, candidates.certainty, strict=True), 1)
         looked_at = (
             self._looked_at(Human.cut_out(UNKNOWN, depth_m, owners, number, box, centre_m), float(one))
             for number, (box, centre_m, one) in found
@@ -105,6 +103,29 @@ class PersonFinder:
         is_judged = human.look and human.look.person_logit is not None
         least, given = LEAST_TOGETHER if is_judged else LEAST_ALONE, self.config.least_certainty
         return human.certainty >= (least if given is None else given)
+
+
+class Candidates(NamedTuple):
+    """The P candidates of one image by the first look, the one with the largest surface first."""
+
+    centres_m: np.ndarray  # (P, 3) float32 torso joints as voted, camera frame, metres
+    certainty: np.ndarray  # (P,)
+    owners: np.ndarray  # (H, W) uint8 candidate of each pixel, 1..P, or NO_PERSON
+    boxes: np.ndarray  # (P, 4) int32 x0, y0, x1, y1 of their pixels, the last two exclusive
+
+
+def candidates_in(network: Network, depth_m: np.ndarray, camera: Camera, least_certainty: float) -> Candidates:
+    """Those of whom the network is so certain at least, in an (H, W) float32 image in metres, 0 where nothing was measured."""
+    canvas = reduced(depth_m, camera)
+    cells = cells_of(network, canvas)
+    people = gather_people(cells, LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS)
+    probability = certainty(people)
+    candidate = probability >= least_certainty
+    numbers = np.append(0, np.where(candidate, np.cumsum(candidate), 0)).astype(np.uint8)
+    owners, boxes = pixel_owners(
+        depth_m, cells.depth_m, cells.probability, numbers[people.owner], canvas.reduction, int(candidate.sum())
+    )
+    return Candidates(people.centres_m[candidate], probability[candidate], owners, boxes)
 
 
 def cells_of(network: Network, canvas: Reduced) -> Cells:

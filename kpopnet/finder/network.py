@@ -1,7 +1,7 @@
-"""The finder's network: for every second pixel of a depth image, whether it shows a person, and where this person's torso
-is.
+"""The finder's two networks. One says for every second pixel of a depth image whether it shows a person, and where this
+person's torso is; the other looks at each person so found in a crop of their own, and says which pixels are theirs.
 
-It sees metric depth and the rays of a pinhole camera, no statistics of a data set, and one image without history.
+Both see metric depth, no statistics of a data set, and one image without history.
 """
 
 from pathlib import Path
@@ -13,15 +13,12 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from kpopnet.data.canvas import CANVAS, STRIDE
+from kpopnet.data.person_masks import CROP_PX, HALF_M, OTHER, OWN
+from kpopnet.finder import masks
 from kpopnet.finder.people import INPUTS, OUTPUT_NAMES, Network
 from kpopnet.networks.checkpoint import load_weights, on_one_thread
 from kpopnet.networks.network import Encoder, convolution
 from kpopnet.networks.onnx_export import traced
-
-INPUT_CHANNELS = 5
-OUTPUTS = 4
-WIDTHS = (16, 32, 64, 128)
-FINE_CHANNELS = 40
 
 
 class Seen(NamedTuple):
@@ -31,29 +28,28 @@ class Seen(NamedTuple):
     vote_m: Tensor  # (B, 3, h, w) the person's torso joint relative to the cell's point, camera frame, metres
 
 
-class FinderNetwork(nn.Module):
-    """Encoder and decoder with a skip from every level; the output has half the resolution of the canvas."""
+class CellsNetwork(nn.Module):
+    """Encoder and decoder with a skip from every level; the output has half the resolution of the input."""
 
-    def __init__(self) -> None:
+    def __init__(self, inputs: int, outputs: int, widths: tuple[int, int, int, int], fine: int) -> None:
         super().__init__()
-        stem, *widths = WIDTHS
-        self.encoder = Encoder(INPUT_CHANNELS, WIDTHS)
-        self.laterals = nn.ModuleList(nn.Conv2d(width, FINE_CHANNELS, 1) for width in widths)
+        stem, *others = widths
+        self.encoder = Encoder(inputs, widths)
+        self.laterals = nn.ModuleList(nn.Conv2d(width, fine, 1) for width in others)
         self.up = nn.Upsample(scale_factor=2, mode="nearest")
-        self.smooth = nn.Sequential(convolution(FINE_CHANNELS, FINE_CHANNELS, 3), nn.ReLU(inplace=True))
-        self.from_coarse, self.from_stem = nn.Conv2d(FINE_CHANNELS, stem, 1), nn.Conv2d(stem, stem, 1)
+        self.smooth = nn.Sequential(convolution(fine, fine, 3), nn.ReLU(inplace=True))
+        self.from_coarse, self.from_stem = nn.Conv2d(fine, stem, 1), nn.Conv2d(stem, stem, 1)
         self.last = nn.Sequential(
-            nn.ReLU(), convolution(stem, 2 * stem, 3), nn.ReLU(inplace=True), nn.Conv2d(2 * stem, OUTPUTS, 1)
+            nn.ReLU(), convolution(stem, 2 * stem, 3), nn.ReLU(inplace=True), nn.Conv2d(2 * stem, outputs, 1)
         )
         self.bfloat16 = False  # whether all but the last layer is trained in it
 
-    def forward(self, image: Tensor) -> Seen:
-        """From the (B, 5, H, W) of `observed`, H and W multiples of 16."""
+    def cells(self, image: Tensor) -> Tensor:
+        """(B, outputs, H / 2, W / 2) of (B, inputs, H, W), H and W multiples of 16."""
         # Votes are metres: bfloat16 would round them to whole centimetres.
         with torch.autocast(image.device.type, torch.bfloat16, enabled=self.training and self.bfloat16):
             features = self._features(image)
-        out = self.last[-1](features.float())
-        return Seen(out[:, 0], out[:, 1:])
+        return self.last[-1](features.float())
 
     def _features(self, image: Tensor) -> Tensor:
         stem = self.encoder.stem(image)
@@ -63,6 +59,29 @@ class FinderNetwork(nn.Module):
         fine, middle, coarse = (lateral(x) for lateral, x in zip(self.laterals, (fine, middle, coarse), strict=True))
         joined = self.smooth(fine + self.up(middle + self.up(coarse)))
         return self.last[:-1](self.up(self.from_coarse(joined)) + self.from_stem(stem))
+
+
+class FinderNetwork(CellsNetwork):
+    """Whether cells show a person, and where this person's torso is."""
+
+    def __init__(self) -> None:
+        super().__init__(inputs=5, outputs=4, widths=(16, 32, 64, 128), fine=40)
+
+    def forward(self, image: Tensor) -> Seen:
+        """From the (B, 5, H, W) of `observed`."""
+        out = self.cells(image)
+        return Seen(out[:, 0], out[:, 1:])
+
+
+class MaskNetwork(CellsNetwork):
+    """Which cells of a person's crop show this person."""
+
+    def __init__(self) -> None:
+        super().__init__(inputs=7, outputs=1, widths=(12, 24, 48, 96), fine=24)
+
+    def forward(self, crop: Tensor) -> Tensor:
+        """(B, S / 2, S / 2) logits from the (B, 7, S, S) of `observed_crop`."""
+        return self.cells(crop)[:, 0]
 
 
 def observed(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
@@ -82,6 +101,20 @@ def observed(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
     return torch.stack(
         [measured.float(), torch.where(measured, torch.log(z / 2.5), zero), torch.where(measured, log_size, zero), x, y], 1
     )
+
+
+def observed_crop(depth_m: Tensor, owner: Tensor, centre_m: Tensor) -> Tensor:
+    """The mask network's input, (B, 7, S, S): of each pixel of a crop, its depth from the centre in half sizes, whether it was
+    measured, whether the finder takes it for this person's, or for another's, its place in the crop, and the logarithm of the
+    centre's depth. From (B, S, S) depth in metres, 0 where nothing was measured, the (B, S, S) uint8 owner, OWN, OTHER or 0,
+    and the (B, 3) centres of the crops' cubes, metres.
+    """
+    measured, centre_z = depth_m > 0, centre_m[:, 2, None, None]
+    depth = torch.where(measured, ((depth_m - centre_z) / HALF_M).clamp(-1.5, 1.5), torch.zeros(()))
+    place = (torch.arange(CROP_PX, device=depth.device) + 0.5) * (2 / CROP_PX) - 1
+    said = [(owner == whose).float() for whose in (OWN, OTHER)]
+    u, v = place.expand_as(depth), place[:, None].expand_as(depth)
+    return torch.stack([depth, measured.float(), *said, u, v, torch.log(centre_z / 2.5).expand_as(depth)], 1)
 
 
 def cell_points_m(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
@@ -105,17 +138,23 @@ def loss(seen: Seen, target: "Target") -> dict[str, Tensor]:
     return {"person": mask, "vote": (vote * person).sum() / person.sum().clamp(min=1.0)}
 
 
+def mask_loss(logit: Tensor, target: "Target") -> dict[str, Tensor]:
+    """Of the mask network, likewise."""
+    binary = functional.binary_cross_entropy_with_logits
+    return {"mask": binary(logit, target.person, weight=target.weight, reduction="sum") / target.weight.sum()}
+
+
 class Target(NamedTuple):
-    """What the network should say of the cells of B images."""
+    """What a network should say of the cells of B images."""
 
-    person: Tensor  # (B, h, w) 1 where the cell's pixel shows a person, else 0
-    vote_m: Tensor  # (B, 3, h, w) as in `Seen`
+    person: Tensor  # (B, h, w) 1 where the cell's pixel shows a person, or the person, else 0
     weight: Tensor  # (B, h, w) weight of the cell, 0 where nothing was measured
+    vote_m: Tensor | None = None  # (B, 3, h, w) as in `Seen`
 
 
-def load_network(path: Path | str) -> FinderNetwork:
-    """Loads a trained finder; raises InputError if the file is missing, damaged, or of another architecture."""
-    network = FinderNetwork().to(memory_format=torch.channels_last).eval().requires_grad_(False)
+def load_network(path: Path | str, kind: type[CellsNetwork] = FinderNetwork) -> CellsNetwork:
+    """Loads a trained network of the finder; raises InputError if the file is missing, damaged, or of another architecture."""
+    network = kind().to(memory_format=torch.channels_last).eval().requires_grad_(False)
     load_weights(network, Path(path), "missing, damaged, or not a finder of this version")
     return network
 
@@ -134,6 +173,18 @@ class CellsOfImage(nn.Module):
         return torch.sigmoid(seen.person_logit[0]), torso_m
 
 
+class CellsOfCrops(nn.Module):
+    """The probability that the cells of B crops show the crop's person: what is exported."""
+
+    def __init__(self, network: MaskNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, depth_m: Tensor, owner: Tensor, centre_m: Tensor) -> Tensor:
+        """(B, S / 2, S / 2) of the arguments of `observed_crop`."""
+        return torch.sigmoid(self.network(observed_crop(depth_m, owner, centre_m)))
+
+
 def torch_finder(path: Path | str) -> Network:
     """The finder of a file of weights, run by torch; more threads than one would wait for each other."""
     finder = CellsOfImage(load_network(path))
@@ -147,7 +198,13 @@ def torch_finder(path: Path | str) -> Network:
     return run
 
 
-def export_finder(network: FinderNetwork) -> bytes:
-    """A finder as an ONNX file."""
-    example = torch.rand(1, *CANVAS[::-1]) + 1, torch.tensor([[100.0, 100.0, 80.0, 60.0]])
-    return traced("kpopnet finder", CellsOfImage(network), example, INPUTS, OUTPUT_NAMES).SerializeToString()
+def export_finder(network: CellsNetwork) -> bytes:
+    """A network of the finder as an ONNX file."""
+    if isinstance(network, FinderNetwork):
+        example = torch.rand(1, *CANVAS[::-1]) + 1, torch.tensor([[100.0, 100.0, 80.0, 60.0]])
+        return traced("kpopnet finder", CellsOfImage(network), example, INPUTS, OUTPUT_NAMES).SerializeToString()
+    size = (2, CROP_PX, CROP_PX)
+    example = torch.rand(size) + 1, torch.randint(3, size, dtype=torch.uint8), torch.tensor([[0.0, 0.0, 2.0]] * 2)
+    batch = ({0: torch.export.Dim("batch")},) * 3
+    masked = traced("kpopnet masks", CellsOfCrops(network), example, masks.INPUTS, masks.OUTPUT_NAMES, dynamic_shapes=batch)
+    return masked.SerializeToString()

@@ -1,4 +1,4 @@
-"""Trains the finder of people on room images.
+"""Trains the finder's networks: the one that finds people on room images, the one that outlines them on person masks.
 
 Each step depends only on the seed and its number, so a run that was stopped and resumed equals an uninterrupted one, bit for
 bit on a CPU with the same number of threads.
@@ -7,6 +7,7 @@ bit on a CPU with the same number of threads.
 import logging
 import math
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -21,9 +22,22 @@ from kpopnet.camera import MM_PER_METRE
 from kpopnet.data.batches import ShuffledOrder
 from kpopnet.data.canvas import CANVAS, STRIDE
 from kpopnet.data.made_sets import check_others
+from kpopnet.data.person_masks import OTHER, OWN, THEIRS, read_person_masks
 from kpopnet.data.room_images import MOST_PEOPLE, RoomImages
-from kpopnet.errors import InputError, check_between
-from kpopnet.finder.network import FinderNetwork, Target, cell_points_m, load_network, loss, observed
+from kpopnet.errors import InputError, check_between, check_one_of
+from kpopnet.finder.masks import REACH_M
+from kpopnet.finder.network import (
+    CellsNetwork,
+    FinderNetwork,
+    MaskNetwork,
+    Target,
+    cell_points_m,
+    load_network,
+    loss,
+    mask_loss,
+    observed,
+    observed_crop,
+)
 from kpopnet.runtime.atomic_write import atomic_path, write_json
 from kpopnet.runtime.input_files import parsing, read_json, read_with
 from kpopnet.skeleton import Joint
@@ -45,16 +59,21 @@ AREA_CELLS = 150.0
 
 MOST_WEIGHT = 4.0
 
+PERSON_CELLS = 400.0
+"""Likewise of the cells of a crop."""
+
 
 @dataclass
 class FinderTraining:
-    """How the finder is trained.
+    """How a network of the finder is trained.
 
     Attributes:
+        part: finder, which finds people in room images, or masks, which says which pixels are theirs, from person masks.
         steps: number of steps; the learning rate's cycle spans them.
         batch_size: images a step.
         lr: peak learning rate.
-        other_views: share of the images that each step shows rolled, zoomed and cut anew; any image is mirrored or not.
+        other_views: share of the images that each step shows rolled, zoomed and cut anew, of the finder; any image, of both
+            networks, is mirrored or not.
         bfloat16: whether all but the last layer computes in bfloat16, which is twice as fast with AMX; on a CPU it is
             tried first, as some processors claim what they cannot.
         validate_every: steps between validations, each followed by a checkpoint.
@@ -62,6 +81,7 @@ class FinderTraining:
         resume: whether to go on with the run in the folder.
     """
 
+    part: str = "finder"
     steps: int = 7000
     batch_size: int = 32
     lr: float = 3e-3
@@ -74,6 +94,7 @@ class FinderTraining:
     def __post_init__(self) -> None:
         for name in ("steps", "batch_size", "validate_every"):
             check_between(f"training.{name}", getattr(self, name), 1, 1e9)
+        check_one_of("training.part", self.part, PARTS)
         check_between("training.other_views", self.other_views, 0, 1)
         if not 0 < self.lr < math.inf:
             raise InputError(f"training.lr={self.lr}: expected a positive number")
@@ -130,8 +151,12 @@ class LoadedImages:
     def __len__(self) -> int:
         return len(self.cameras)
 
+    def drawn(self, rows: np.ndarray, rng: np.random.Generator, other_views: float) -> tuple[Tensor, Target]:
+        """The input and the target of some images, in views of them, on the device."""
+        return self.batch(rows, SceneViews.drawn(rng, self.cameras[rows], other_views))
+
     def batch(self, rows: np.ndarray, views: SceneViews | None = None) -> tuple[Tensor, Target]:
-        """The input and the target of some images, in views of them or as they are, on the device."""
+        """Likewise in views that are given, or as they are."""
         device = self._images[0].device
         depth_mm, labels, torsos_m = (one[torch.from_numpy(rows).to(device)] for one in self._images)
         depth_mm, cameras = depth_mm.int() & 0xFFFF, self.cameras[rows].copy()
@@ -156,9 +181,38 @@ class LoadedImages:
         measured = points_m[:, 2] > 0
         return image, Target(
             person=(of_cells > 0).float(),
-            vote_m=padded_m[rows, of_cells].permute(0, 3, 1, 2) - points_m,
             weight=weights[rows, of_cells] * measured,
+            vote_m=padded_m[rows, of_cells].permute(0, 3, 1, 2) - points_m,
         )
+
+
+class LoadedMasks:
+    """All person masks of a folder, in the memory of a device: 27 kB each."""
+
+    def __init__(self, folder: str, device: torch.device = CPU) -> None:
+        *arrays, self.hash = read_person_masks(folder)
+        arrays[0] = arrays[0].view(np.int16)  # torch selects rows of signed numbers alone
+        self._arrays = [torch.from_numpy(one).to(device) for one in arrays]
+
+    def __len__(self) -> int:
+        return len(self._arrays[0])
+
+    def drawn(self, rows: np.ndarray, rng: np.random.Generator, _other_views: float) -> tuple[Tensor, Target]:
+        """The input and the target of some crops, half of them mirrored, on the device."""
+        return self.batch(rows, rng.random(len(rows)) < 0.5)
+
+    def batch(self, rows: np.ndarray, mirrored: np.ndarray | None = None) -> tuple[Tensor, Target]:
+        """Likewise; (B,) bool which are mirrored, None: none."""
+        depth_mm, labels, centres_m = (one[torch.from_numpy(rows).to(one.device)] for one in self._arrays)
+        depth_m = (depth_mm.int() & 0xFFFF).float() / MM_PER_METRE
+        if mirrored is not None:
+            flips = torch.from_numpy(mirrored).to(labels.device)[:, None, None]
+            depth_m, labels = (torch.where(flips, one.flip(2), one) for one in (depth_m, labels))
+        image = observed_crop(depth_m, labels & (OWN | OTHER), centres_m).contiguous(memory_format=torch.channels_last)
+        cells_m, theirs = depth_m[:, ::STRIDE, ::STRIDE], (labels[:, ::STRIDE, ::STRIDE] & THEIRS) > 0
+        known = (cells_m > 0) & ((cells_m - centres_m[:, 2, None, None]).abs() < REACH_M)
+        weights = (PERSON_CELLS / theirs.sum((1, 2)).clamp(min=20)).sqrt().clamp(max=MOST_WEIGHT)
+        return image, Target(theirs.float(), known * weights[:, None, None])
 
 
 def _seen(images: Tensor, to_image: Tensor, principal_px: Tensor, cameras: Tensor) -> Tensor:
@@ -176,12 +230,12 @@ class FinderRun(Descent):
     """The state of a training."""
 
     def __init__(self, config: FinderTraining, seed: int, folder: Path, device: torch.device = CPU) -> None:
-        self.folder = folder
+        self.folder, self.part = folder, PARTS[config.part]
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            network = FinderNetwork().to(memory_format=torch.channels_last)
+            network = self.part.network().to(memory_format=torch.channels_last)
         if config.start is not None and not config.resume:
-            network.load_state_dict(load_network(config.start).state_dict())
+            network.load_state_dict(load_network(config.start, type(network)).state_dict())
         network.bfloat16 = config.bfloat16
         super().__init__(network.to(device), "muon", config.lr, config.steps, CLIP_NORM)
         if config.resume:
@@ -192,7 +246,7 @@ class FinderRun(Descent):
     def update(self, image: Tensor, target: Target) -> dict[str, float]:
         """Takes one step; returns the terms of the loss."""
         self.network.train()
-        terms = loss(self.network(image), target)
+        terms = self.part.loss(self.network(image), target)
         self.descend(torch.stack(list(terms.values())).sum())
         return {name: float(term.detach()) for name, term in terms.items()}
 
@@ -231,9 +285,7 @@ def validate(network: FinderNetwork, images: LoadedImages, batch_size: int) -> d
     """Share of person cells found and of found cells that are right, at probability 0.5; median error of votes, centimetres."""
     found = right = wanted = 0.0
     errors, terms = [], []
-    for start in range(0, len(images), batch_size):
-        rows = np.arange(start, min(start + batch_size, len(images)))
-        image, target = images.batch(rows)
+    for image, target in _batches(images, batch_size):
         seen = network(image)
         person, said = (target.person > 0) & (target.weight > 0), (seen.person_logit > 0) & (target.weight > 0)
         found, right, wanted = found + float(said.sum()), right + float((said & person).sum()), wanted + float(person.sum())
@@ -247,12 +299,50 @@ def validate(network: FinderNetwork, images: LoadedImages, batch_size: int) -> d
     }
 
 
+@torch.inference_mode()
+def validate_masks(network: MaskNetwork, crops: LoadedMasks, batch_size: int) -> dict[str, float]:
+    """Mean over people of the intersection of their cells, at probability 0.5, with the true ones over the union of both."""
+    shares, terms = [], []
+    for image, target in _batches(crops, batch_size):
+        logit, known = network(image), target.weight > 0
+        said, person = (logit > 0) & known, (target.person > 0) & known
+        shares.append(((said & person).sum((1, 2)) / (said | person).sum((1, 2)).clamp(min=1)).cpu().numpy())
+        terms.append(float(sum(mask_loss(logit, target).values())))
+    return {"intersection_over_union": float(np.concatenate(shares).mean()), "loss": float(np.mean(terms))}
+
+
+def _batches(images: LoadedImages | LoadedMasks, batch_size: int) -> Iterator[tuple[Tensor, Target]]:
+    for start in range(0, len(images), batch_size):
+        yield images.batch(np.arange(start, min(start + batch_size, len(images))))
+
+
+class Part(NamedTuple):
+    """What differs between the trainings of the finder's networks."""
+
+    network: type[CellsNetwork]
+    images: type[LoadedImages] | type[LoadedMasks]
+    loss: Callable[..., dict[str, Tensor]]
+    validate: Callable[..., dict[str, float]]
+    said: str  # of the metrics, for the log
+
+
+PARTS = {
+    "finder": Part(
+        FinderNetwork, LoadedImages, loss, validate,
+        "of the people's cells {recall:.1%} found, of those found {precision:.1%} right, votes {vote_error_cm:.1f} cm off, "
+        "loss {loss:.4f}",
+    ),
+    "masks": Part(MaskNetwork, LoadedMasks, mask_loss, validate_masks, "IoU {intersection_over_union:.2%}, loss {loss:.4f}"),
+}  # fmt: skip
+"""By the name in `FinderTraining.part`."""
+
+
 def train_finder(
     config: FinderTraining, seed: int, data: dict[str, str], out: Path, threads: int, device: str = "auto"
 ) -> None:
-    """Trains a finder on the room images in the folders `train` and `validation` of `data`; writes its weights to `out`.
+    """Trains a network of the finder on what is in the folders `train` and `validation` of `data`; writes its weights to `out`.
 
-    Raises InputError for no room images, another run in the folder, no such device, or a loss that is not finite.
+    Raises InputError for nothing there to train on, another run in the folder, no such device, or a loss that is not finite.
     """
     on = torch.device(device_kind(device))
     set_up_torch(threads)
@@ -260,7 +350,7 @@ def train_finder(
         try_bfloat16()
     out.mkdir(parents=True, exist_ok=True)
     run = FinderRun(config, seed, out, on)
-    images, validation = LoadedImages(data["train"], on), LoadedImages(data["validation"], on)
+    images, validation = (run.part.images(data[name], on) for name in ("train", "validation"))
     check_others(images.hash, validation.hash, data["validation"])
     order, settings = ShuffledOrder(len(images), config.batch_size, seed), asdict(config)
     del settings["resume"]
@@ -274,14 +364,10 @@ def train_finder(
         while run.step < config.steps:
             rows = np.array([row for row, _ in order(run.step)])
             rng = np.random.default_rng([seed, VIEW_STREAM, run.step])
-            terms = run.update(*images.batch(rows, SceneViews.drawn(rng, images.cameras[rows], config.other_views)))
+            terms = run.update(*images.drawn(rows, rng, config.other_views))
             bar.update()
             bar.set_postfix({name: f"{value:.3f}" for name, value in terms.items()}, refresh=False)
             if run.step % config.validate_every == 0 or run.step == config.steps:
-                metrics = validate(run.average, validation, config.batch_size)
+                metrics = run.part.validate(run.average, validation, config.batch_size)
                 run.save({"metrics": metrics, **described})
-                log.info(
-                    f"step {run.step:,} of {config.steps:,}: of the people's cells {100 * metrics['recall']:.1f} % found, of "
-                    f"those found {100 * metrics['precision']:.1f} % right, votes {metrics['vote_error_cm']:.1f} cm off, "
-                    f"loss {metrics['loss']:.4f}"
-                )
+                log.info(f"step {run.step:,} of {config.steps:,}: {run.part.said.format(**metrics)}")

@@ -58,7 +58,7 @@ class PersonCropsSet(SceneShards):
     most_px = IMAGE_PX
 
     benchmark: PersonCropsConfig = field(default_factory=PersonCropsConfig)
-    finder: Any = field(default_factory=lambda: SHA256["finder"] | asdict(FINDER))
+    finder: Any = field(default_factory=lambda: SHA256["finder"] | SHA256["masks"] | asdict(FINDER))
 
     def manifest_entries(self) -> dict:
         about = "SIMULATED people, cut out of depth images of rooms by the finder."
@@ -96,10 +96,15 @@ def crops_of(clear: ClearScene, measured: MeasuredScene) -> Iterator[Observation
     if not len(joints_m):
         return
     humans = PersonFinder(camera, FINDER).extract(measured.depth_mm / np.float32(MM_PER_METRE))
-    centres_m = np.reshape([human.centre_m for human in humans], (-1, 1, 3))
-    apart_m = np.linalg.norm(joints_m[None, :, Joint.TORSO] - centres_m, axis=-1)
-    for row, person in zip(*linear_sum_assignment(np.minimum(apart_m, NEAR_M)), strict=True):
+    for row, person in matched(np.array([human.centre_m for human in humans]), joints_m):
         human = humans[row]
-        if apart_m[row, person] < NEAR_M and np.count_nonzero(human.depth_m) >= LEAST_PX:
+        if np.count_nonzero(human.depth_m) >= LEAST_PX:
             visible = at_joints(measured.labels, joints_m[person], camera) == person + 1
             yield Observation(human.depth_m, human.cropped(camera), joints_m[person], visible)
+
+
+def matched(centres_m: np.ndarray, joints_m: np.ndarray) -> list[tuple[int, int]]:
+    """Numbers of those found, by (N, 3) centres, and of the people whom they show, by (P, 15, 3) joints."""
+    apart_m = np.linalg.norm(joints_m[None, :, Joint.TORSO] - centres_m.reshape(-1, 1, 3), axis=-1)
+    pairs = zip(*linear_sum_assignment(np.minimum(apart_m, NEAR_M)), strict=True)
+    return [(row, person) for row, person in pairs if apart_m[row, person] < NEAR_M]

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from kpopnet.camera import Camera
+from kpopnet.data.person_masks import OWN
 from kpopnet.errors import InputError
 from kpopnet.finder import finder as finder_module
 from kpopnet.finder.finder import FinderConfig, PersonFinder
@@ -48,6 +49,7 @@ def look(person_logit):
 def knowing(monkeypatch):
     """A finder of images of CAMERA around a network that knows the answer."""
     monkeypatch.setattr(finder_module, "open_finder", lambda _: run_by_torch(Knowing()))
+    monkeypatch.setattr(finder_module, "open_masks", lambda: lambda _, owner, __: np.float32(owner[:, ::2, ::2] == OWN))
     return PersonFinder(CAMERA, FinderConfig("known"))
 
 

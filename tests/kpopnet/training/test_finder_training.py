@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from programs import run_program
-from room_image_files import write_room_images
+from room_image_files import write_person_masks, write_room_images
 from safetensors.torch import load_file
 
 from kpopnet.data.canvas import STRIDE
@@ -13,7 +13,17 @@ from kpopnet.errors import InputError
 from kpopnet.finder.network import FinderNetwork
 from kpopnet.skeleton import Joint
 from kpopnet.training import distributed
-from kpopnet.training.finder import WEIGHTS, FinderRun, FinderTraining, LoadedImages, SceneViews, train_finder, validate
+from kpopnet.training.finder import (
+    WEIGHTS,
+    FinderRun,
+    FinderTraining,
+    LoadedImages,
+    LoadedMasks,
+    SceneViews,
+    train_finder,
+    validate,
+    validate_masks,
+)
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +87,37 @@ def test_the_program_trains(data, tmp_path):
     given = ("--config-name", "finder", "out=run", *(f"data.{name}={folder}" for name, folder in data.items()), "threads=1",
              "training.steps=2", "training.batch_size=2")  # fmt: skip
     done = run_program("train.py", tmp_path, *given)
-    assert done.returncode == 0 and "step 2 of 2" in done.stderr + done.stdout, done.stderr
+    assert done.returncode == 0 and "step 2 of 2: of the people's cells" in done.stderr + done.stdout, done.stderr
     assert (tmp_path / "run" / WEIGHTS).exists()
+
+
+def test_the_masks_learn_whose_the_cells_are(tmp_path):
+    """Where the finder has a person shifted; mirrored crops are their mirror images."""
+    crops = LoadedMasks(write_person_masks(tmp_path / "crops"))
+    plain, mirrored = (crops.batch(np.arange(4), np.full(4, one)) for one in (False, True))
+    places = [0, 1, 2, 3, 5, 6]  # but for the place from left to right
+    assert torch.equal(plain[0][:, places].flip(3), mirrored[0][:, places]) and torch.equal(plain[0][:, 4], mirrored[0][:, 4])
+    assert not plain[1].weight[:, :, :2].any() and plain[1].person.sum() == 4 * 38 * 12
+    run = FinderRun(FinderTraining(part="masks", steps=40, lr=5e-3), 0, tmp_path)
+    first = validate_masks(run.network, crops, 8)
+    for step in range(40):
+        run.update(*crops.drawn(np.arange(step % 2, 8, 2), np.random.default_rng(step), 0.5))
+    run.network.eval()
+    last = validate_masks(run.network, crops, 8)
+    assert last["loss"] < 0.5 * first["loss"] and last["intersection_over_union"] > max(0.8, first["intersection_over_union"])
+    run.save({})
+    with pytest.raises(InputError, match="not a finder of this version"):
+        FinderRun(FinderTraining(start=str(tmp_path / WEIGHTS)), 1, tmp_path / "further")
+
+
+def test_the_program_trains_masks(tmp_path):
+    folders = {name: write_person_masks(tmp_path / name) for name in ("train", "validation")}
+    given = ("--config-name", "finder", "out=run", *(f"data.{name}={folder}" for name, folder in folders.items()), "threads=1",
+             "training.part=masks", "training.steps=2", "training.batch_size=2")  # fmt: skip
+    done = run_program("train.py", tmp_path, *given)
+    assert done.returncode == 0 and "step 2 of 2: IoU" in done.stderr + done.stdout, done.stderr
+    wrong = run_program("train.py", tmp_path, *given[:2], "out=other", *given[3:], "training.part=outlines")
+    assert wrong.returncode and "training.part" in wrong.stderr
 
 
 def test_a_view_shows_the_same_scene_to_another_camera(data):

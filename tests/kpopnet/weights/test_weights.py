@@ -13,9 +13,11 @@ from safetensors.torch import load_file
 from safetensors.torch import save as save_weights
 
 import kpopnet.weights
+from kpopnet.data.person_masks import CROP_PX
 from kpopnet.errors import InputError
 from kpopnet.finder.finder import open_finder
-from kpopnet.finder.network import FinderNetwork
+from kpopnet.finder.masks import open_masks
+from kpopnet.finder.network import CellsOfCrops, FinderNetwork, MaskNetwork
 from kpopnet.networks import PERSON, ModelConfig
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.network import PersonHead, build_network
@@ -112,7 +114,7 @@ def test_what_this_checkout_ships_can_be_loaded():
     estimator = NetworkEstimator()
     assert sum(file.stat().st_size for file in FOLDER.glob("*.*")) < 10e6
     card = (FOLDER / "MODEL_CARD.md").read_text()
-    for name in ("model", "finder", "over_time_causal", "over_time_future", "lifting"):
+    for name in ("model", "finder", "masks", "over_time_causal", "over_time_future", "lifting"):
         assert next(files[f"{name}.safetensors"] for files in SHA256.values() if f"{name}.safetensors" in files) in card
     assert not any("/" in text for text in ship_weights.texts_in(estimator.meta))
     assert np.isfinite(estimator.estimate(DEPTH_M, CAMERA).joints_camera_m).all()
@@ -121,7 +123,7 @@ def test_what_this_checkout_ships_can_be_loaded():
 def test_a_finder_is_shipped_beside_the_network(tmp_path, shipped, monkeypatch):
     mine = tmp_path / "mine.safetensors"
     mine.write_bytes(save_weights(FinderNetwork().state_dict()))
-    ship_weights.ship_finder(mine, shipped)
+    ship_weights.ship_finder(mine, shipped, "finder", FinderNetwork)
     assert digests(shipped)["joints"] == kpopnet.weights.SHA256["joints"]
     monkeypatch.setattr(kpopnet.weights, "SHA256", digests(shipped))
     stored, graph = kpopnet.weights.shipped("finder")
@@ -132,6 +134,28 @@ def test_a_finder_is_shipped_beside_the_network(tmp_path, shipped, monkeypatch):
     for one, same, close in zip(*(finder(depth_m, intrinsics) for finder in finders), strict=True):
         np.testing.assert_allclose(one, same, atol=1e-4)
         np.testing.assert_allclose(one, close, atol=0.01)  # float16
+
+
+def test_a_mask_network_is_shipped_beside_the_finder(tmp_path, shipped, monkeypatch):
+    mine, network = tmp_path / "mine.safetensors", MaskNetwork()
+    mine.write_bytes(save_weights(network.state_dict()))
+    ship_weights.ship_finder(mine, shipped, "masks", MaskNetwork)
+    monkeypatch.setattr(kpopnet.weights, "SHA256", digests(shipped))
+    stored, graph = kpopnet.weights.shipped("masks")
+    assert stored.stat().st_size < 0.6 * mine.stat().st_size and graph.stat().st_size < 1e5
+    for people in (1, 3):
+        rng, size = np.random.default_rng(people), (people, CROP_PX, CROP_PX)
+        crops = (
+            np.float32(rng.uniform(0, 4, size)),
+            rng.integers(0, 3, size, np.uint8),
+            np.float32(rng.uniform(1, 4, (people, 3))),
+        )
+        said = open_masks.__wrapped__()(*crops)
+        with torch.inference_mode():
+            expected = CellsOfCrops(network.eval())(*map(torch.from_numpy, crops)).numpy()
+        np.testing.assert_allclose(said, expected, atol=0.01)  # float16
+    with pytest.raises(InputError, match="not a finder of this version"):
+        ship_weights.ship_finder(mine, shipped, "finder", FinderNetwork)
 
 
 def test_other_networks_are_shipped_as_they_are_and_no_other_files(tmp_path, shipped):

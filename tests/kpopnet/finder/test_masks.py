@@ -1,0 +1,133 @@
+"""The second look at each person: crops of the scene, and pixels given to people anew, around networks that know the answer."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kpopnet.camera import Camera
+from kpopnet.data.cube import Cube, crop
+from kpopnet.data.person_masks import CROP_PX, HALF_M, OTHER, OWN
+from kpopnet.finder.masks import REACH_M, THEIRS_FROM, open_masks, outlined, scene_crops
+from kpopnet.finder.people import BESIDE_M, BESIDE_PER_M
+
+CAMERAS = Camera.centred(280.0, 320, 240), Camera(110.0, 120.0, 50.0, 70.0, 120, 100), Camera.centred(700.0, 848, 480)
+
+
+def two_people(camera):
+    """Flat bodies of 0.5 x 1.6 m at 2 and 2.2 m, the first hiding a part of the second, before a wall at 4 m: depth, and the
+    person of each pixel.
+    """
+    depth_m, labels = np.full((camera.height, camera.width), 4.0, np.float32), np.zeros((camera.height, camera.width), np.uint8)
+    for number, (x_m, z) in ((2, (0.3, 2.2)), (1, (0.0, 2.0))):
+        (x0, y0), (x1, y1) = camera.project(np.array([(x_m - 0.25, -0.8, z), (x_m + 0.25, 0.8, z)])).round().astype(int)[:, :2]
+        depth_m[max(y0, 0) : y1, max(x0, 0) : x1], labels[max(y0, 0) : y1, max(x0, 0) : x1] = z, number
+    return depth_m, labels, np.array([(0, 0, 2.0), (0.3, 0, 2.2)], np.float32)
+
+
+def knowing(labels, camera, centres_m):
+    """A network that says of each crop what `labels` have."""
+    truly = scene_crops(np.ones(labels.shape, np.float32), camera, labels, centres_m)[1][:, ::2, ::2]
+    return lambda *_: (truly == OWN).astype(np.float32)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_a_crop_is_that_of_the_cube_with_the_surroundings(camera):
+    depth_m, labels, centres_m = two_people(camera)
+    depth_m[:, ::7] = 0
+    crops_m, owner, maps = scene_crops(depth_m, camera, labels, centres_m)
+    for number, (crop_m, said, centre_m) in enumerate(zip(crops_m, owner, centres_m, strict=True), 1):
+        cube = Cube(centre_m, HALF_M)
+        expected = crop(depth_m, camera, cube, CROP_PX)[0]
+        found = np.where(crop_m > 0, np.clip((crop_m - centre_m[2]) / np.float32(HALF_M), -1, 1), 1)
+        assert (np.abs(found - expected) < 1e-5).mean() > 0.999  # a pixel between two may round to the other
+        assert np.array_equal(np.unique(said), [0, OWN, OTHER])
+        alone = crop(np.where(labels == number, depth_m, 0), camera, cube, CROP_PX)[0] < 1
+        assert ((said == OWN) & (crop_m > 0) == alone).mean() > 0.999
+        rows, columns = np.nonzero(said == OWN)
+        (step_x, first_x), (step_y, first_y) = maps[number - 1]
+        at = np.rint((step_y * rows + first_y, step_x * columns + first_x)).astype(int)
+        assert (labels[*at] == number).mean() > 0.999
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_pixels_become_whose_they_are(camera):
+    """From masks that lack feet, and have parts of the other and of the wall."""
+    depth_m, labels, centres_m = two_people(camera)
+    wrong = np.roll(labels, camera.width // 12, axis=1)
+    wrong[-camera.height // 4 :] = 0
+    decided, boxes = outlined(knowing(labels, camera, centres_m), depth_m, camera, wrong, centres_m)
+    reached = np.abs(depth_m - 2) < REACH_M  # the wall is not
+    for number in (1, 2):
+        union = ((decided == number) | (labels == number)) & reached
+        assert ((decided == number) & (labels == number)).sum() / union.sum() > 0.95
+        rows, columns = np.nonzero(decided == number)
+        assert boxes[number - 1].tolist() == [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
+    assert not decided[~reached & (wrong > 0) & (np.abs(np.arange(camera.width) - camera.cx) < camera.fx / 2.2 * 0.8)].any()
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_pixels_are_decided_as_one_by_one(seed):
+    """Against loops without shortcuts, for noise of all kinds."""
+    rng, camera, size = np.random.default_rng(seed), Camera(55.0, 60.0, 22.0, 30.0, 60, 50), (50, 60)
+    depth_m = np.where(rng.random(size) < 0.1, 0, rng.choice([2.0, 2.1, 2.4, 3.6], size)).astype(np.float32)
+    owners = rng.integers(0, 3, size).astype(np.uint8)
+    centres_m = np.float32(rng.uniform((-0.5, -0.5, 1.8), (0.5, 0.5, 2.4), (2, 3)))
+    said = np.float32(rng.random((2, CROP_PX // 2, CROP_PX // 2)) ** rng.choice([0.3, 1, 4]))
+    decided, boxes = outlined(lambda *_: said, depth_m, camera, owners, centres_m)
+    for number, (x0, y0, x1, y1) in enumerate(boxes, 1):
+        inside = np.zeros(owners.shape, bool)
+        inside[y0:y1, x0:x1] = True
+        assert not ((decided == number) & ~inside).any()
+    np.testing.assert_array_equal(decided, _one_by_one(said, depth_m, camera, owners, centres_m))
+
+
+@pytest.mark.parametrize("z", [-0.5, 0.0, 0.01, 60.0, 60000.0])
+def test_a_torso_anywhere_is_looked_at(z):
+    """Votes of an untrained network, or of depth in a wrong unit; and one who is not in the picture."""
+    depth_m, labels, centres_m = two_people(CAMERAS[1])
+    centres_m[0, 2] = z
+    decided, boxes = outlined(open_masks(), depth_m, CAMERAS[1], np.minimum(labels, 1), centres_m)
+    assert decided.max() <= 2 and boxes.shape == (2, 4)
+    assert (boxes[:, 2:] >= boxes[:, :2]).all() and (boxes >= 0).all() and (boxes <= (120, 100, 120, 100)).all()
+
+
+def _one_by_one(said, depth_m, camera, owners, centres_m):
+    crops_m, _, maps = scene_crops(depth_m, camera, owners, centres_m)
+    cells, out, surest = CROP_PX // 2, owners.copy(), np.zeros(owners.shape)
+    for number, (person, crop_m, to_image, centre_m) in enumerate(zip(said, crops_m, maps, centres_m, strict=True), 1):
+        for y, x in np.ndindex(owners.shape):
+            column, row = (np.array([x, y]) - to_image[:, 1]) / to_image[:, 0]
+            z = depth_m[y, x]
+            if z == 0 or not (0 <= row < CROP_PX - 1 and 0 <= column < CROP_PX - 1):
+                continue
+            top, left = int(row / 2), int(column / 2)
+            rows, columns = (range(max(0, first - 1), min(first + 3, cells)) for first in (top, left))
+            around = [(r, c) for r in rows for c in columns]
+            said_around = [person[cell] for cell in around]
+            apart = [abs(crop_m[2 * r, 2 * c] - z) / (BESIDE_M + BESIDE_PER_M * z) for r, c in around]
+            weights = [(crop_m[2 * r, 2 * c] > 0) * max(0, 1 - far) / (0.2 + (r - row / 2) ** 2 + (c - column / 2) ** 2)
+                       for (r, c), far in zip(around, apart, strict=True)]  # fmt: skip
+            if max(said_around) < THEIRS_FROM or abs(z - centre_m[2]) > REACH_M:
+                theirs = 0
+            elif min(said_around) >= THEIRS_FROM and abs(crop_m[2 * top, 2 * left] - z) < BESIDE_M:
+                theirs = min(said_around)
+            elif sum(weights) == 0:
+                continue
+            else:
+                theirs = np.dot(weights, said_around) / sum(weights)
+            if theirs >= THEIRS_FROM and theirs > surest[y, x]:
+                out[y, x], surest[y, x] = number, theirs
+            elif theirs < THEIRS_FROM and out[y, x] == number:
+                out[y, x] = 0
+    return out
+
+
+def test_the_network_that_ships_takes_a_wall_and_another_person_away():
+    camera = CAMERAS[0]
+    depth_m, labels, centres_m = two_people(camera)
+    wrong = np.where((labels == 0) & (np.arange(320) < 150), 1, labels).astype(np.uint8)
+    decided, _ = outlined(open_masks(), depth_m, camera, wrong, centres_m)
+    before, after = (((one == 1) & (labels == 1)).sum() / ((one == 1) | (labels == 1)).sum() for one in (wrong, decided))
+    assert after > before
