@@ -63,11 +63,14 @@ def scene_crops(
         step, first = crop_pixels(camera, Cube(centre_m, HALF_M), CROP_PX, PLAIN_VIEW)
         to_image[row] = np.column_stack([np.diag(step), first])
         columns, rows = np.floor(to_image[row] @ [np.arange(CROP_PX), np.ones(CROP_PX)] + 0.5).astype(int)
-        outside = ((rows < 0) | (rows >= camera.height))[:, None] | (columns < 0) | (columns >= camera.width)
-        pixels = np.ix_(np.clip(rows, 0, camera.height - 1), np.clip(columns, 0, camera.width - 1))
-        whose = owners[pixels]
-        crops_m[row] = np.where(outside, np.float32(0), depth_m[pixels])
-        owner[row] = np.where(outside | (whose == NO_PERSON), 0, np.where(whose == row + 1, OWN, OTHER))
+        for image, crop in ((depth_m, crops_m[row]), (owners, owner[row])):
+            # Rows before columns: both at once take five times as long.
+            crop[:] = image.take(rows, 0, mode="clip").take(columns, 1, mode="clip")
+            crop[(rows < 0) | (rows >= camera.height)] = 0
+            crop[:, (columns < 0) | (columns >= camera.width)] = 0
+        kinds = np.full(256, OTHER, np.uint8)
+        kinds[NO_PERSON], kinds[row + 1] = 0, OWN
+        owner[row] = kinds[owner[row]]
     return crops_m, owner, to_image
 
 
