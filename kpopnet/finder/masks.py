@@ -54,7 +54,7 @@ def scene_crops(
     (P, S, S) uint8 OWN, OTHER or 0; and (P, 2, 2) float64 step and first, so that a pixel of the crop lies at step x pixel +
     first of the image, in x, then in y.
 
-    From (H, W) float32 metres, the (H, W) uint8 person of each pixel, 1..P, and the (P, 3) float32 centres, metres.
+    From (H, W) float32 metres, the (H, W) uint8 person of each pixel, 1..P, and the (P, 3) float32 centres, metres, Z > 0.
     """
     count = len(centres_m)
     crops_m, owner = np.empty((count, CROP_PX, CROP_PX), np.float32), np.empty((count, CROP_PX, CROP_PX), np.uint8)
@@ -79,9 +79,9 @@ def outlined(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gives every pixel to a person anew; arguments as of `scene_crops`.
 
-    A pixel is the person's of whom the cells around it say so most surely; one that no crop shows, or of whose depth no cell
-    knows anything, stays whose it was. (H, W) uint8 person of each pixel, and (P, 4) int32 x0, y0, x1, y1 of their pixels, the
-    last two exclusive.
+    A pixel is the person's of whom the cells around it say so most surely; one that no crop shows, or where the cells around do
+    not agree and none is at its depth, stays whose it was. (H, W) uint8 person of each pixel, and (P, 4) int32 x0, y0, x1, y1
+    of their pixels, the last two exclusive; of who keeps none all 0.
     """
     centres_m = np.maximum(centres_m, np.float32([-np.inf, -np.inf, NEAREST_M]))
     crops_m, owner, maps = scene_crops(depth_m, camera, owners, centres_m)
@@ -144,7 +144,7 @@ def _decide(depth_m, crop, number, decided, surest):
                     if not may_be_theirs:
                         theirs = np.float32(0)
                     elif low >= THEIRS_FROM and abs(crop.cells_m[top, left] - z) < BESIDE_M:
-                        theirs = low
+                        theirs = crop.probability[top, left]
                     else:
                         theirs = _said(crop, top, left, y, x, z)
                     if theirs > surest[y, x] and theirs >= THEIRS_FROM:

@@ -64,7 +64,8 @@ def test_cpu_and_gl_draw_the_same(tmp_path: Path) -> None:
     for backend in ("osmesa", "egl"):
         if not (reason := draw_with_gl(backend, tmp_path / "gl.npy")):
             break
-        assert "InputError: no OpenGL" in reason
+        # Without libOSMesa PyOpenGL fails as mujoco is imported, before any of our code.
+        assert "InputError: no OpenGL" in reason or "no attribute 'glGetError'" in reason
         reasons.append(reason)
     else:
         pytest.skip(f"no OpenGL here ({'; '.join(reasons)}); Debian: apt-get install libosmesa6")
