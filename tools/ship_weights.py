@@ -1,8 +1,9 @@
-"""Makes a checkpoint the network that comes with the package, a finder its finder of people, two networks over time those of
-its modes, or a network that lifts joints that of a webcam: writes kpopnet/weights/.
+"""Makes a checkpoint the network that comes with the package, a finder its finder of people, a mask network that of the finder,
+two networks over time those of its modes, or a network that lifts joints that of a webcam: writes kpopnet/weights/.
 
     python tools/ship_weights.py outputs/train/RUN/best --set data/small/test
     python tools/ship_weights.py outputs/finder/RUN/finder.safetensors
+    python tools/ship_weights.py --masks outputs/finder/RUN/finder.safetensors
     python tools/ship_weights.py data/over_time/causal.safetensors --future data/over_time/future.safetensors
     python tools/ship_weights.py --lifting data/lifting.safetensors
 

@@ -43,7 +43,8 @@ class FinderConfig:
     """Which finder finds people, and how sure it has to be.
 
     Attributes:
-        weights: a file of `train.py --config-name finder`; None: the finder that comes with the package.
+        weights: a file of `train.py --config-name finder` (training.part=finder); None: the finder that comes with the package.
+            The mask network is the package's.
         least_certainty: a new person is reported from this probability on; None: from 0.6 of the finder alone, and from 0.8
             where the network of joints judges too.
     """

@@ -149,11 +149,11 @@ class TreeWalkTrainingConfig(ObservationConfig):
 
 @dataclass
 class FinderTrainingConfig:
-    """Training of the finder of people.
+    """Training of a network of the finder of people.
 
     Attributes:
         out: folder for the weights.
-        data: where the room images are.
+        data: where the room images are, or, for training.part=masks, the person masks.
         training: how the finder is trained.
         seed: of weights, order and mirroring.
         device: auto, cpu or cuda.

@@ -23,6 +23,9 @@ from synth.samples.sampler import SampleConfig
 
 fit_finder = tool("fit_finder")
 
+WITH_A_BENCH = ("a25_s1_t1",)
+"""Sequences in which the removal of the background left pieces of a bench, which are not the person's."""
+
 
 def errors_m(benchmark: Benchmark, names: list[str], every: int) -> np.ndarray:
     """Errors of all joints in every n-th frame of some sequences, metres."""
@@ -75,5 +78,5 @@ def test_a_real_person_whose_background_was_removed_is_found_whole():
         finder = PersonFinder(sequence.camera)
         for depth_m in sequence.depth_m[::20]:
             (human,) = finder.extract(depth_m)
-            # In one sequence pieces of a bench were left, which are not theirs.
-            assert (human.whole(sequence.camera) > 0).sum() > 0.9 * (depth_m > 0).sum()
+            kept = (human.whole(sequence.camera) > 0).sum() / (depth_m > 0).sum()
+            assert kept > (0.9 if name in WITH_A_BENCH else 0.97), name
