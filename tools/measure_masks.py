@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from kpopnet.camera import MM_PER_METRE
 from kpopnet.finder.finder import FOLLOWED_CERTAINTY, candidates_in, open_finder
-from kpopnet.finder.masks import open_masks, outlined
+from kpopnet.finder.masks import open_masks, refine_masks
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
@@ -44,7 +44,7 @@ def main() -> None:
         found = candidates_in(finder, depth_m, clear.camera, FOLLOWED_CERTAINTY)
         if not len(found.boxes) or not len(clear.joints_camera_m):
             continue
-        after, _ = outlined(masks, depth_m, clear.camera, found.owners, found.centres_m)
+        after, _ = refine_masks(masks, depth_m, clear.camera, found.owners, found.centres_m)
         for row, person in matched(found.centres_m, clear.joints_camera_m):
             theirs = measured.labels == person + 1
             if np.count_nonzero(theirs) < SHOWN * clear.whole_px[person]:

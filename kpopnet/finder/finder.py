@@ -11,7 +11,7 @@ from kpopnet.data.canvas import STRIDE, Reduced, reduced
 from kpopnet.errors import InputError, check_between
 from kpopnet.estimator import FRAME_S
 from kpopnet.finder.following import UNKNOWN, Followed
-from kpopnet.finder.masks import open_masks, outlined
+from kpopnet.finder.masks import open_masks, refine_masks
 from kpopnet.finder.people import (
     INPUTS,
     OUTPUT_NAMES,
@@ -79,7 +79,7 @@ class PersonFinder:
         candidates = candidates_in(self._network, depth_m, self.camera, least)
         owners, boxes = candidates.owners, candidates.boxes
         if len(boxes):
-            owners, boxes = outlined(self._masks, depth_m, self.camera, owners, candidates.centres_m)
+            owners, boxes = refine_masks(self._masks, depth_m, self.camera, owners, candidates.centres_m)
         found = enumerate(zip(boxes, candidates.centres_m, candidates.certainty, strict=True), 1)
         looked_at = (
             self._looked_at(Human.cut_out(UNKNOWN, depth_m, owners, number, box, centre_m), float(one))
@@ -107,7 +107,7 @@ class PersonFinder:
 
 
 class Candidates(NamedTuple):
-    """The P candidates of one image by the first look, the one with the largest surface first."""
+    """The P candidates of one image and their masks before they are refined, the one with the largest surface first."""
 
     centres_m: np.ndarray  # (P, 3) float32 torso joints as voted, camera frame, metres
     certainty: np.ndarray  # (P,)

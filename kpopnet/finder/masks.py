@@ -1,4 +1,4 @@
-"""Which pixels show each person whom the finder found: a second look, at each in a crop of their own.
+"""Refines the masks of the people whom the finder found: a network segments each again, in a crop of their own.
 
 The finder sees the whole image, reduced; its masks lose hands and feet, and take in parts of others and of things. In the cube
 around a person everybody is of one size however far away, and it is known whose pixels are sought (as the mask head of
@@ -30,7 +30,7 @@ THEIRS_FROM = 0.35
 """Pixels of this probability or more are the person's."""
 
 REACH_M = 1.3
-"""Nobody reaches farther behind or before their torso."""
+"""No person reaches farther behind or before their torso."""
 
 NEAREST_M = 0.1
 """A torso that is voted nearer to the camera counts as that near."""
@@ -74,7 +74,7 @@ def scene_crops(
     return crops_m, owner, to_image
 
 
-def outlined(
+def refine_masks(
     network: Network, depth_m: np.ndarray, camera: Camera, owners: np.ndarray, centres_m: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gives every pixel to a person anew; arguments as of `scene_crops`.

@@ -1,4 +1,4 @@
-"""Trains the finder's networks: the one that finds people on room images, the one that outlines them on person masks.
+"""Trains the finder's networks: the one that finds people on room images, the one that refines their masks on person masks.
 
 Each step depends only on the seed and its number, so a run that was stopped and resumed equals an uninterrupted one, bit for
 bit on a CPU with the same number of threads.

@@ -21,7 +21,7 @@ from synth.rooms.images import MeasuredScene, SceneShards
 from synth.rooms.scene import ClearScene
 from synth.samples.layers import millimetres
 
-OUTLINES = {OWN: (90, 140, 255), THEIRS: (240, 170, 30), OWN | THEIRS: (60, 190, 80), OTHER: (90, 90, 90)}
+COLOURS = {OWN: (90, 140, 255), THEIRS: (240, 170, 30), OWN | THEIRS: (60, 190, 80), OTHER: (90, 90, 90)}
 """RGB of the pixels that only the finder takes for theirs, that only are, that both, and of those that are another's."""
 
 
@@ -38,7 +38,7 @@ class PersonMasksConfig(PersonCropsConfig):
 
 @dataclass(frozen=True)
 class PersonMasksSet(SceneShards):
-    """Makes the files of `person_masks`, which depend on the finder's first look."""
+    """Makes the files of `person_masks`, which depend on the finder, not on the mask network."""
 
     finished_files: ClassVar[str] = FILES
     unfinished_files: ClassVar[str] = ".masks_*"
@@ -64,7 +64,7 @@ class PersonMasksSet(SceneShards):
         crops, tiles = read_person_masks(folder), []
         for k in np.linspace(0, len(crops.labels) - 1, 40).astype(int).tolist():
             tile = depth_rgb(crops.depth_mm[k] / np.float32(MM_PER_METRE))
-            for labels, colour in OUTLINES.items():
+            for labels, colour in COLOURS.items():
                 tile[crops.labels[k] == labels] = 0.5 * tile[crops.labels[k] == labels] + 0.5 * np.array(colour)
             tiles.append(enlarged(tile, 192))
         rows = [("", tiles[k : k + 8]) for k in range(0, len(tiles), 8)]
@@ -81,7 +81,7 @@ def crops_of(clear: ClearScene, measured: MeasuredScene) -> Iterator[tuple[np.nd
     found = candidates_in(open_finder(FINDER.weights), depth_m, camera, FINDER.least_certainty)
     crops_m, owner, _ = scene_crops(depth_m, camera, found.owners, found.centres_m)
     for row, person in matched(found.centres_m, joints_m):
-        if np.count_nonzero(owner[row] == OWN) < LEAST_PX:
+        if np.count_nonzero(found.owners == row + 1) < LEAST_PX:
             continue
         shows_them = (measured.labels == person + 1).astype(np.uint8)
         truly = scene_crops(depth_m, camera, shows_them, found.centres_m[row : row + 1])[1][0]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from kpopnet.camera import Camera
 from kpopnet.data.cube import Cube, crop
 from kpopnet.data.person_masks import CROP_PX, HALF_M, OTHER, OWN
-from kpopnet.finder.masks import REACH_M, THEIRS_FROM, open_masks, outlined, scene_crops
+from kpopnet.finder.masks import REACH_M, THEIRS_FROM, open_masks, refine_masks, scene_crops
 from kpopnet.finder.people import BESIDE_M, BESIDE_PER_M
 
 CAMERAS = Camera.centred(280.0, 320, 240), Camera(110.0, 120.0, 50.0, 70.0, 120, 100), Camera.centred(700.0, 848, 480)
@@ -56,7 +56,7 @@ def test_pixels_become_whose_they_are(camera):
     depth_m, labels, centres_m = two_people(camera)
     wrong = np.roll(labels, camera.width // 12, axis=1)
     wrong[-camera.height // 4 :] = 0
-    decided, boxes = outlined(knowing(labels, camera, centres_m), depth_m, camera, wrong, centres_m)
+    decided, boxes = refine_masks(knowing(labels, camera, centres_m), depth_m, camera, wrong, centres_m)
     reached = np.abs(depth_m - 2) < REACH_M  # the wall is not
     for number in (1, 2):
         union = ((decided == number) | (labels == number)) & reached
@@ -75,7 +75,7 @@ def test_pixels_are_decided_as_one_by_one(seed):
     owners = rng.integers(0, 3, size).astype(np.uint8)
     centres_m = np.float32(rng.uniform((-0.5, -0.5, 1.8), (0.5, 0.5, 2.4), (2, 3)))
     said = np.float32(rng.random((2, CROP_PX // 2, CROP_PX // 2)) ** rng.choice([0.3, 1, 4]))
-    decided, boxes = outlined(lambda *_: said, depth_m, camera, owners, centres_m)
+    decided, boxes = refine_masks(lambda *_: said, depth_m, camera, owners, centres_m)
     for number, (x0, y0, x1, y1) in enumerate(boxes, 1):
         inside = np.zeros(owners.shape, bool)
         inside[y0:y1, x0:x1] = True
@@ -88,7 +88,7 @@ def test_a_torso_anywhere_is_looked_at(z):
     """Votes of an untrained network, or of depth in a wrong unit; and one who is not in the picture."""
     depth_m, labels, centres_m = two_people(CAMERAS[1])
     centres_m[0, 2] = z
-    decided, boxes = outlined(open_masks(), depth_m, CAMERAS[1], np.minimum(labels, 1), centres_m)
+    decided, boxes = refine_masks(open_masks(), depth_m, CAMERAS[1], np.minimum(labels, 1), centres_m)
     assert decided.max() <= 2 and boxes.shape == (2, 4)
     assert (boxes[:, 2:] >= boxes[:, :2]).all() and (boxes >= 0).all() and (boxes <= (120, 100, 120, 100)).all()
 
@@ -100,7 +100,7 @@ def test_the_surer_of_two_has_a_surface_whatever_single_cells_say():
     said = np.stack([np.full((cells, cells), 0.99), np.full((cells, cells), 0.40)]).astype(np.float32)
     said[0, ::4, ::4] = 0.36
     for order in ([0, 1], [1, 0]):
-        decided, _ = outlined(lambda *_, order=order: said[order], depth_m, camera, owners, centres_m[order])
+        decided, _ = refine_masks(lambda *_, order=order: said[order], depth_m, camera, owners, centres_m[order])
         assert (decided == 1 + order.index(0)).mean() > 0.9 * (decided > 0).mean()
 
 
@@ -143,7 +143,7 @@ def test_the_network_that_ships_takes_away_what_is_another_persons():
     wrong[120:, :] = np.where(labels[120:] == 2, 1, labels[120:])  # the second one's legs
 
     def shared(network):
-        decided, _ = outlined(network, depth_m, camera, wrong, centres_m)
+        decided, _ = refine_masks(network, depth_m, camera, wrong, centres_m)
         return np.array([((decided == n) & (labels == n)).sum() / ((decided == n) | (labels == n)).sum() for n in (1, 2)])
 
     by_word, by_look = shared(lambda _, owner, __: np.float32(owner[:, ::2, ::2] == OWN)), shared(open_masks())
