@@ -17,6 +17,7 @@ from tqdm import tqdm
 from kpopnet.camera import MM_PER_METRE
 from kpopnet.finder.finder import FOLLOWED_CERTAINTY, candidates_in, open_finder
 from kpopnet.finder.masks import open_masks, refine_masks
+from kpopnet.finder.people import pixel_owners
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
@@ -42,14 +43,15 @@ def main() -> None:
         measured = measure_scene(scenes.sensor_rng(number), clear)
         depth_m = measured.depth_mm / np.float32(MM_PER_METRE)
         found = candidates_in(finder, depth_m, clear.camera, FOLLOWED_CERTAINTY)
-        if not len(found.boxes) or not len(clear.joints_camera_m):
+        if not len(found.centres_m) or not len(clear.joints_camera_m):
             continue
-        after, _ = refine_masks(masks, depth_m, clear.camera, found.owners, found.centres_m)
+        before = pixel_owners(found.cells, depth_m, *map(np.arange, depth_m.shape))
+        after, _ = refine_masks(masks, depth_m, clear.camera, found.cells, found.centres_m)
         for row, person in matched(found.centres_m, clear.joints_camera_m):
             theirs = measured.labels == person + 1
             if np.count_nonzero(theirs) < SHOWN * clear.whole_px[person]:
                 continue
-            for name, mask in (("finder", found.owners == row + 1), ("masks", after == row + 1), ("true", theirs)):
+            for name, mask in (("finder", before == row + 1), ("masks", after == row + 1), ("true", theirs)):
                 shared[name].append(np.count_nonzero(mask & theirs) / np.count_nonzero(mask | theirs))
                 estimate = network.estimate(np.where(mask, depth_m, np.float32(0))[None], clear.camera)
                 distance_m = np.linalg.norm(estimate.joints_camera_m[0] - clear.joints_camera_m[person], axis=-1)

@@ -17,10 +17,10 @@ from kpopnet.finder.people import (
     OUTPUT_NAMES,
     Cells,
     Network,
+    OwnedCells,
     certainty,
     certainty_together,
     gather_people,
-    pixel_owners,
 )
 from kpopnet.human import Human, Looker
 from kpopnet.networks.backend import filters, onnx_session
@@ -77,9 +77,7 @@ class PersonFinder:
         given = self.config.least_certainty
         least = FOLLOWED_CERTAINTY if given is None else min(FOLLOWED_CERTAINTY, given)
         candidates = candidates_in(self._network, depth_m, self.camera, least)
-        owners, boxes = candidates.owners, candidates.boxes
-        if len(boxes):
-            owners, boxes = refine_masks(self._masks, depth_m, self.camera, owners, candidates.centres_m)
+        owners, boxes = refine_masks(self._masks, depth_m, self.camera, candidates.cells, candidates.centres_m)
         found = enumerate(zip(boxes, candidates.centres_m, candidates.certainty, strict=True), 1)
         looked_at = (
             self._looked_at(Human.cut_out(UNKNOWN, depth_m, owners, number, box, centre_m), float(one))
@@ -107,12 +105,11 @@ class PersonFinder:
 
 
 class Candidates(NamedTuple):
-    """The P candidates of one image and their masks before they are refined, the one with the largest surface first."""
+    """The P candidates of one image, the one with the largest surface first."""
 
     centres_m: np.ndarray  # (P, 3) float32 torso joints as voted, camera frame, metres
     certainty: np.ndarray  # (P,)
-    owners: np.ndarray  # (H, W) uint8 candidate of each pixel, 1..P, or NO_PERSON
-    boxes: np.ndarray  # (P, 4) int32 x0, y0, x1, y1 of their pixels, the last two exclusive
+    cells: OwnedCells  # whose the cells of the image are, 1..P
 
 
 def candidates_in(network: Network, depth_m: np.ndarray, camera: Camera, least_certainty: float) -> Candidates:
@@ -123,10 +120,8 @@ def candidates_in(network: Network, depth_m: np.ndarray, camera: Camera, least_c
     probability = certainty(people)
     candidate = probability >= least_certainty
     numbers = np.append(0, np.where(candidate, np.cumsum(candidate), 0)).astype(np.uint8)
-    owners, boxes = pixel_owners(
-        depth_m, cells.depth_m, cells.probability, numbers[people.owner], canvas.reduction, int(candidate.sum())
-    )
-    return Candidates(people.centres_m[candidate], probability[candidate], owners, boxes)
+    owned = OwnedCells(cells.depth_m, cells.probability, numbers[people.owner], canvas.reduction)
+    return Candidates(people.centres_m[candidate], probability[candidate], owned)
 
 
 def cells_of(network: Network, canvas: Reduced) -> Cells:

@@ -17,7 +17,7 @@ from kpopnet.camera import Camera
 from kpopnet.data.canvas import STRIDE
 from kpopnet.data.cube import PLAIN_VIEW, Cube, crop_pixels
 from kpopnet.data.person_masks import CROP_PX, HALF_M, OTHER, OWN
-from kpopnet.finder.people import BESIDE_M, BESIDE_PER_M, NO_PERSON
+from kpopnet.finder.people import BESIDE_M, BESIDE_PER_M, NO_PERSON, OwnedCells, pixel_owners
 from kpopnet.networks.backend import filters, onnx_session
 from kpopnet.weights import shipped
 
@@ -47,61 +47,81 @@ def open_masks() -> Network:
     return lambda *crops: session.run(list(OUTPUT_NAMES), dict(zip(INPUTS, crops, strict=True)))[0]
 
 
-def scene_crops(
-    depth_m: np.ndarray, camera: Camera, owners: np.ndarray, centres_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The crops of the scene around P people: (P, S, S) depth in metres, 0 where nothing was measured and beyond the image;
-    (P, S, S) uint8 OWN, OTHER or 0; and (P, 2, 2) float64 step and first, so that a pixel of the crop lies at step x pixel +
-    first of the image, in x, then in y.
+class SceneCrop(NamedTuple):
+    """The scene around a person, CROP_PX wide and high."""
 
-    From (H, W) float32 metres, the (H, W) uint8 person of each pixel, 1..P, and the (P, 3) float32 centres, metres, Z > 0.
-    """
-    count = len(centres_m)
-    crops_m, owner = np.empty((count, CROP_PX, CROP_PX), np.float32), np.empty((count, CROP_PX, CROP_PX), np.uint8)
-    to_image = np.empty((count, 2, 2))
-    for row, centre_m in enumerate(centres_m):
-        step, first = crop_pixels(camera, Cube(centre_m, HALF_M), CROP_PX, PLAIN_VIEW)
-        to_image[row] = np.column_stack([np.diag(step), first])
-        columns, rows = np.floor(to_image[row] @ [np.arange(CROP_PX), np.ones(CROP_PX)] + 0.5).astype(int)
-        for image, crop in ((depth_m, crops_m[row]), (owners, owner[row])):
-            # Rows before columns: both at once take five times as long.
-            crop[:] = image.take(rows, 0, mode="clip").take(columns, 1, mode="clip")
-            crop[(rows < 0) | (rows >= camera.height)] = 0
-            crop[:, (columns < 0) | (columns >= camera.width)] = 0
-        kinds = np.full(256, OTHER, np.uint8)
-        kinds[NO_PERSON], kinds[row + 1] = 0, OWN
-        owner[row] = kinds[owner[row]]
-    return crops_m, owner, to_image
+    depth_m: np.ndarray  # (S, S) float32 metres, 0 where nothing was measured and beyond the image
+    rows: np.ndarray  # (S,) int rows of the image that it shows, also such as lie beyond the image
+    columns: np.ndarray  # (S,) int its columns
+    to_image: np.ndarray  # (2, 2) step and first: its pixel k lies at step x k + first of the image, in x, then in y
+
+
+def scene_crop(depth_m: np.ndarray, camera: Camera, centre_m: np.ndarray) -> SceneCrop:
+    """The crop of an (H, W) image in metres around a (3,) float32 centre, metres, Z > 0."""
+    step, first = crop_pixels(camera, Cube(centre_m, HALF_M), CROP_PX, PLAIN_VIEW)
+    to_image = np.column_stack([np.diag(step), first])
+    columns, rows = np.floor(to_image @ [np.arange(CROP_PX), np.ones(CROP_PX)] + 0.5).astype(int)
+    return SceneCrop(taken(depth_m, rows, columns), rows, columns, to_image)
+
+
+def taken(image: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """The pixels of an image in some rows and columns; 0 beyond the image."""
+    # Rows before columns: both at once take five times as long.
+    out = image.take(rows, 0, mode="clip").take(columns, 1, mode="clip")
+    out[(rows < 0) | (rows >= image.shape[0])] = 0
+    out[:, (columns < 0) | (columns >= image.shape[1])] = 0
+    return out
+
+
+def crop_owner(cells: OwnedCells, crop: SceneCrop, number: int) -> np.ndarray:
+    """(S, S) uint8 OWN where the finder takes a pixel of a crop for that person's, OTHER where for another's, else 0."""
+    kinds = np.full(256, OTHER, np.uint8)
+    kinds[NO_PERSON], kinds[number] = 0, OWN
+    return kinds[pixel_owners(cells, crop.depth_m, crop.rows, crop.columns)]
 
 
 def refine_masks(
-    network: Network, depth_m: np.ndarray, camera: Camera, owners: np.ndarray, centres_m: np.ndarray
+    network: Network, depth_m: np.ndarray, camera: Camera, cells: OwnedCells, centres_m: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gives every pixel to a person anew; arguments as of `scene_crops`.
+    """Gives the pixels of an image to the P people of the cells, whose (P, 3) float32 centres, metres, are given.
 
-    A pixel is the person's of whom the cells around it say so most surely; one that no crop shows, or where the cells around do
-    not agree and none is at its depth, stays whose it was. (H, W) uint8 person of each pixel, and (P, 4) int32 x0, y0, x1, y1
-    of their pixels, the last two exclusive; of who keeps none all 0.
+    A pixel is the person's of whom the cells of the crop around it say so most surely; no one's where none is at its depth.
+    Beyond the crops it is whose the finder takes it for. (H, W) uint8 person of each pixel, and (P, 4) int32 x0, y0, x1, y1 of
+    their pixels, the last two exclusive; of who has none all 0.
     """
+    decided, surest = np.zeros(depth_m.shape, np.uint8), np.zeros(depth_m.shape, np.float32)
+    if not len(centres_m):
+        return decided, np.zeros((0, 4), np.int32)
     centres_m = np.maximum(centres_m, np.float32([-np.inf, -np.inf, NEAREST_M]))
-    crops_m, owner, maps = scene_crops(depth_m, camera, owners, centres_m)
-    probability = network(crops_m, owner, centres_m)
-    cells_m = np.ascontiguousarray(crops_m[:, ::STRIDE, ::STRIDE])
-    decided, surest = owners.copy(), np.zeros(owners.shape, np.float32)
-    for number, (person, cell_m, to_image, centre_m) in enumerate(zip(probability, cells_m, maps, centres_m, strict=True), 1):
-        least, most = (look(person, np.ones((4, 4)), anchor=(1, 1)) for look in (cv2.erode, cv2.dilate))
+    crops = [scene_crop(depth_m, camera, centre_m) for centre_m in centres_m]
+    owner = np.stack([crop_owner(cells, crop, number) for number, crop in enumerate(crops, 1)])
+    probability = network(np.stack([crop.depth_m for crop in crops]), owner, centres_m)
+    judged = []
+    for number, (person, crop, centre_m) in enumerate(zip(probability, crops, centres_m, strict=True), 1):
+        least, most = (of(person, np.ones((4, 4)), anchor=(1, 1)) for of in (cv2.erode, cv2.dilate))
         columns, rows = (
             np.clip(_first_pixels(*along, len(person)), 0, size)
-            for along, size in zip(to_image, depth_m.shape[::-1], strict=True)
+            for along, size in zip(crop.to_image, depth_m.shape[::-1], strict=True)
         )
-        crop = _Crop(person, least, most, cell_m, centre_m[2], to_image, rows, columns)
-        _decide(depth_m, crop, number, decided, surest)
-    x, y, width, height = cv2.boundingRect(np.minimum(decided, 1))
-    within = decided[y : y + height, x : x + width]
-    boxes = np.reshape([cv2.boundingRect((within == number).view(np.uint8)) for number in range(1, len(crops_m) + 1)], (-1, 4))
-    boxes[:, :2] += (x, y)
-    boxes[:, 2:] += boxes[:, :2]
-    return decided, boxes.astype(np.int32)
+        cells_m = np.ascontiguousarray(crop.depth_m[::STRIDE, ::STRIDE])
+        judged.append(_Crop(person, least, most, cells_m, centre_m[2], crop.to_image, rows, columns))
+        _decide(depth_m, judged[-1], number, decided, surest)
+    for number, crop in enumerate(judged, 1):
+        _take_beyond(depth_m, cells, crop, number, decided)
+    return decided, _boxes(decided, len(crops))
+
+
+def _take_beyond(depth_m: np.ndarray, cells: OwnedCells, crop: "_Crop", number: int, decided: np.ndarray) -> None:
+    """Gives a person the pixels beyond their crop that the finder takes for theirs and that are no one's."""
+    x, y, width, height = cv2.boundingRect((cells.owner == number).view(np.uint8))
+    corners = STRIDE * cells.reduction * np.array([(y - 1, x - 1), (y + height + 1, x + width + 1)])
+    (y0, x0), (y1, x1) = np.clip(corners, 0, depth_m.shape).astype(int)
+    rows, columns, within = np.arange(y0, y1), np.arange(x0, x1), np.s_[y0:y1, x0:x1]
+    inside_rows, inside_columns = ((one >= of[0]) & (one < of[-1]) for one, of in ((rows, crop.rows), (columns, crop.columns)))
+    free = ~(inside_rows[:, None] & inside_columns) & (decided[within] == NO_PERSON)
+    if free.any():
+        owners = pixel_owners(cells, np.where(free, depth_m[within], np.float32(0)), rows, columns)
+        decided[within][owners == number] = number
 
 
 class _Crop(NamedTuple):
@@ -112,7 +132,7 @@ class _Crop(NamedTuple):
     most: np.ndarray  # (h, w) likewise
     cells_m: np.ndarray  # (h, w) depth of the cells, metres, 0 where nothing was measured
     centre_z: np.float32  # metres
-    to_image: np.ndarray  # (2, 2) as of `scene_crops`
+    to_image: np.ndarray  # (2, 2) as of `SceneCrop`
     rows: np.ndarray  # (h + 1,) first row of the image at or behind each row of cells, and that behind the last
     columns: np.ndarray  # (w + 1,) likewise
 
@@ -125,7 +145,7 @@ def _first_pixels(step: float, first: float, cells: int) -> np.ndarray:
 
 @njit(cache=True)
 def _decide(depth_m, crop, number, decided, surest):
-    """Gives a person's pixels to them, and takes those that are not theirs from them.
+    """Gives a person the pixels of which they are surer than those before them.
 
     Where the 4 x 4 cells around a pixel agree they decide: against the person whatever their depths, for them where the cell
     before it is at the pixel's. Elsewhere their mean does, weighed by how near they are in the image and in depth. Nothing out
@@ -134,28 +154,39 @@ def _decide(depth_m, crop, number, decided, surest):
     h, w = crop.probability.shape
     for top in range(h):
         for left in range(w):
-            low, high = crop.least[top, left], crop.most[top, left]
+            if crop.most[top, left] < THEIRS_FROM:
+                continue
             for y in range(crop.rows[top], crop.rows[top + 1]):
                 for x in range(crop.columns[left], crop.columns[left + 1]):
                     z = depth_m[y, x]
-                    may_be_theirs = high >= THEIRS_FROM and abs(z - crop.centre_z) <= REACH_M
-                    if z == 0 or not (may_be_theirs or decided[y, x] == number):
+                    if z == 0 or abs(z - crop.centre_z) > REACH_M:
                         continue
-                    if not may_be_theirs:
-                        theirs = np.float32(0)
-                    elif low >= THEIRS_FROM and abs(crop.cells_m[top, left] - z) < BESIDE_M:
+                    if crop.least[top, left] >= THEIRS_FROM and abs(crop.cells_m[top, left] - z) < BESIDE_M:
                         theirs = crop.probability[top, left]
                     else:
                         theirs = _said(crop, top, left, y, x, z)
-                    if theirs > surest[y, x] and theirs >= THEIRS_FROM:
+                    if theirs >= THEIRS_FROM and theirs > surest[y, x]:
                         decided[y, x], surest[y, x] = number, theirs
-                    elif 0 <= theirs < THEIRS_FROM and decided[y, x] == number:
-                        decided[y, x] = NO_PERSON
+
+
+@njit(cache=True)
+def _boxes(decided, people):
+    """(people, 4) x0, y0, x1, y1 of their pixels, the last two exclusive; of who has none all 0."""
+    boxes = np.zeros((people, 4), np.int32)
+    for y in range(decided.shape[0]):
+        for x in range(decided.shape[1]):
+            if not decided[y, x]:
+                continue
+            box = boxes[decided[y, x] - 1]
+            if box[3] == 0:
+                box[:] = x, y, x + 1, y + 1
+            box[0], box[2], box[3] = min(box[0], x), max(box[2], x + 1), y + 1
+    return boxes
 
 
 @njit(cache=True)
 def _said(crop, top, left, y, x, z):
-    """What the cells around a pixel say in the mean; -1 where none is at its depth."""
+    """What the cells around a pixel say in the mean; 0 where none is at its depth."""
     h, w = crop.probability.shape
     at_y = (y - crop.to_image[1, 1]) / crop.to_image[1, 0] / STRIDE
     at_x = (x - crop.to_image[0, 1]) / crop.to_image[0, 0] / STRIDE
@@ -167,4 +198,4 @@ def _said(crop, top, left, y, x, z):
                 weight = np.float32((1 - apart) / (0.2 + (row - at_y) ** 2 + (column - at_x) ** 2))
                 total += weight * crop.probability[row, column]
                 weights += weight
-    return total / weights if weights > 0 else np.float32(-1)
+    return total / weights if weights > 0 else np.float32(0)

@@ -186,80 +186,41 @@ BESIDE_M, BESIDE_PER_M = 0.08, 0.02
 """A pixel is beside a cell in depth up to this difference, more at a distance."""
 
 
-@njit(cache=True)
-def _around(owner, cell_depth_m):
-    """What the 4 x 4 cells are around the pixels between each cell and the next, so that few pixels need to look at all.
+class OwnedCells(NamedTuple):
+    """Whose the h x w cells of an image are."""
 
-    (h, w) uint8 their only person, NO_PERSON where there is none or several; and (h, w, 4) float32 least and largest depth of
-    people's cells, then of the others, infinite and -infinite where there are none.
+    depth_m: np.ndarray  # (h, w) float32 metres, 0 where nothing was measured
+    probability: np.ndarray  # (h, w) float32 that the cell shows a person
+    owner: np.ndarray  # (h, w) uint8 person of each cell, 1..P, or NO_PERSON
+    reduction: float  # pixels of the image to one of the canvas, of which every STRIDE-th is a cell
+
+
+def pixel_owners(cells: OwnedCells, depth_m: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Gives the pixels in some rows and columns of an image to people.
+
+    A pixel takes the opinion of the 4 x 4 cells around it, the nearest in the image and in depth first, if the nearest or one
+    beside it is a person's. From the (R, C) float32 depth, metres, of the (R,) rows and (C,) columns; (R, C) uint8 person.
     """
-    h, w = owner.shape
-    only = np.zeros((h, w), np.uint8)
-    spans = np.empty((h, w, 4), np.float32)
-    spans[:, :, 0::2], spans[:, :, 1::2] = np.inf, -np.inf
-    for y in range(h):
-        for x in range(w):
-            several = False
-            for row in range(max(y - 1, 0), min(y + 3, h)):
-                for column in range(max(x - 1, 0), min(x + 3, w)):
-                    person, z = owner[row, column], cell_depth_m[row, column]
-                    if z == 0:
-                        continue
-                    span = spans[y, x, :2] if person else spans[y, x, 2:]
-                    span[0], span[1] = min(span[0], z), max(span[1], z)
-                    several |= person > 0 and only[y, x] > 0 and person != only[y, x]
-                    only[y, x] = max(only[y, x], person)
-            if several:
-                only[y, x] = NO_PERSON
-    return only, spans
-
-
-def pixel_owners(
-    depth_m: np.ndarray, cell_depth_m: np.ndarray, probability: np.ndarray, owner: np.ndarray, reduction: int, people: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Gives every pixel of a whole image to a person.
-
-    A pixel takes the opinion of the 4 x 4 cells around it, the nearest in the image and in depth first. From (H, W) float32
-    metres, and of the (h, w) cells the depth, the probability of a person and the uint8 owner. `reduction` is pixels of the
-    whole image to one of the canvas, of which every STRIDE-th is a cell. (H, W) uint8 person of each pixel, and (people, 4)
-    int32 x0, y0, x1, y1 of their pixels, the last two exclusive.
-    """
-    near = cv2.dilate(np.minimum(owner, 1), np.ones((3, 3)))  # 1 at cells of people, and beside them
-    # The pixels around these cells: most images are mostly empty.
-    x, y, wide, high = cv2.boundingRect(near)
-    first, last = np.array([(y - 1, x - 1), (y + high + 1, x + wide + 1)]) * (STRIDE * reduction)
-    bounds = np.clip([first.astype(int), last.astype(int) + 1], 0, depth_m.shape)
-    return _owners_within(depth_m, cell_depth_m, probability, owner, near, reduction, people, bounds)
+    near = cv2.dilate(np.minimum(cells.owner, 1), np.ones((3, 3)))
+    return _pixel_owners(*cells, near, depth_m, rows, columns)
 
 
 @njit(cache=True)
-def _owners_within(depth_m, cell_depth_m, probability, owner, near, reduction, people, bounds):
-    """`pixel_owners`, which all lie within the (2, 2) bounds: row and column of the first pixel, and those behind the last."""
-    height, width = depth_m.shape
+def _pixel_owners(cell_depth_m, probability, owner, reduction, near, depth_m, rows, columns):
     h, w = owner.shape
-    owners = np.zeros((height, width), np.uint8)
-    boxes = np.zeros((people, 4), np.int32)
-    boxes[:, 0], boxes[:, 1] = width, height
-    only, spans = _around(owner, cell_depth_m)
-    opinion = np.zeros(people + 1, np.float32)
-    for y in range(bounds[0, 0], bounds[1, 0]):
-        at_y = ((y + 0.5) / reduction - 0.5) / STRIDE
+    owners = np.zeros(depth_m.shape, np.uint8)
+    opinion = np.zeros(np.max(owner) + 1, np.float32)
+    for y in range(len(rows)):
+        at_y = ((rows[y] + 0.5) / reduction - 0.5) / STRIDE
         row_0 = max(min(int(at_y + 0.5), h - 1), 0)
-        for x in range(bounds[0, 1], bounds[1, 1]):
+        for x in range(len(columns)):
             z = depth_m[y, x]
-            at_x = ((x + 0.5) / reduction - 0.5) / STRIDE
+            at_x = ((columns[x] + 0.5) / reduction - 0.5) / STRIDE
             column_0 = max(min(int(at_x + 0.5), w - 1), 0)
             if z == 0 or not near[row_0, column_0]:
                 continue
-            opinion[:] = 0
             reach = np.float32(BESIDE_M + BESIDE_PER_M * z)
-            span = spans[int(at_y), int(at_x)]
-            if z < span[0] - reach or z > span[1] + reach:
-                continue
-            best, others_have_no_say = only[int(at_y), int(at_x)], z < span[2] - reach or z > span[3] + reach
-            if best and others_have_no_say and owner[row_0, column_0] and abs(cell_depth_m[row_0, column_0] - z) < reach:
-                _own(owners, boxes, best, x, y)
-                continue
+            opinion[:] = 0
             for row in range(max(int(at_y) - 1, 0), min(int(at_y) + 3, h)):
                 for column in range(max(int(at_x) - 1, 0), min(int(at_x) + 3, w)):
                     apart = abs(cell_depth_m[row, column] - z) / reach
@@ -269,15 +230,5 @@ def _owners_within(depth_m, cell_depth_m, probability, owner, near, reduction, p
                     weight = np.float32((1 - apart) / (0.2 + beside))
                     p = probability[row, column]
                     opinion[owner[row, column]] += weight * (p if owner[row, column] else 1 - p)
-            best = np.argmax(opinion)
-            if best:
-                _own(owners, boxes, best, x, y)
-    return owners, boxes
-
-
-@njit(cache=True)
-def _own(owners, boxes, person, x, y):
-    owners[y, x] = person
-    box = boxes[person - 1]
-    box[0], box[1] = min(box[0], x), min(box[1], y)
-    box[2], box[3] = max(box[2], x + 1), max(box[3], y + 1)
+            owners[y, x] = np.argmax(opinion)
+    return owners

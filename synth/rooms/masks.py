@@ -12,7 +12,8 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.data.person_masks import CROP_PX, FILES, FORMAT, OTHER, OWN, THEIRS, VERSION, read_person_masks
 from kpopnet.finder.finder import candidates_in, open_finder
-from kpopnet.finder.masks import scene_crops
+from kpopnet.finder.masks import crop_owner, scene_crop, taken
+from kpopnet.finder.people import pixel_owners
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.viz.drawing import depth_rgb, enlarged, sheet
 from kpopnet.weights import SHA256
@@ -79,10 +80,10 @@ def crops_of(clear: ClearScene, measured: MeasuredScene) -> Iterator[tuple[np.nd
         return
     depth_m = measured.depth_mm / np.float32(MM_PER_METRE)
     found = candidates_in(open_finder(FINDER.weights), depth_m, camera, FINDER.least_certainty)
-    crops_m, owner, _ = scene_crops(depth_m, camera, found.owners, found.centres_m)
+    owners = pixel_owners(found.cells, depth_m, *map(np.arange, depth_m.shape))
     for row, person in matched(found.centres_m, joints_m):
-        if np.count_nonzero(found.owners == row + 1) < LEAST_PX:
+        if np.count_nonzero(owners == row + 1) < LEAST_PX:
             continue
-        shows_them = (measured.labels == person + 1).astype(np.uint8)
-        truly = scene_crops(depth_m, camera, shows_them, found.centres_m[row : row + 1])[1][0]
-        yield millimetres(crops_m[row]), owner[row] + THEIRS * truly, found.centres_m[row]
+        crop = scene_crop(depth_m, camera, found.centres_m[row])
+        truly = taken((measured.labels == person + 1).astype(np.uint8), crop.rows, crop.columns)
+        yield millimetres(crop.depth_m), crop_owner(found.cells, crop, row + 1) + THEIRS * truly, found.centres_m[row]

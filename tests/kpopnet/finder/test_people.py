@@ -3,7 +3,7 @@
 import numpy as np
 
 from kpopnet.data.canvas import STRIDE
-from kpopnet.finder.people import BESIDE_M, BESIDE_PER_M, Cells, gather_people, pixel_owners
+from kpopnet.finder.people import BESIDE_M, BESIDE_PER_M, Cells, OwnedCells, gather_people, pixel_owners
 
 H, W = 64, 80
 LIMITS = 0.5, 0.03, 8
@@ -53,9 +53,9 @@ def test_pixels_take_the_person_beside_them_at_their_depth():
     reduction = 2.0  # four pixels of the image a cell
     depth_m = np.kron(cell_depth_m, np.ones((4, 4), np.float32))
     depth_m[100:104, 100:104] = 0
-    owners, boxes = pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, 2)
-    assert (owners == np.select([depth_m == 2, depth_m == 3], [1, 2], 0)).all()
-    assert boxes.tolist() == [[80, 80, 120, 120], [120, 80, 160, 120]]
+    owned, rows, columns = OwnedCells(cell_depth_m, probability, owner, reduction), np.arange(70, 130), np.arange(75, 170, 3)
+    owners = pixel_owners(owned, depth_m[np.ix_(rows, columns)], rows, columns)
+    assert (owners == np.select([depth_m == 2, depth_m == 3], [1, 2], 0)[np.ix_(rows, columns)]).all()
 
 
 def test_a_hand_that_votes_elsewhere_stays_with_its_person():
@@ -76,7 +76,8 @@ def test_pixels_equal_the_rule_written_plainly():
         probability = np.where(owner, 0.8, 0.2).astype(np.float32)
         height, width = int(h * STRIDE * reduction), int(w * STRIDE * reduction)
         depth_m = rng.choice((0, 2.0, 2.05, 2.12, 2.2, 2.4), (height, width)).astype(np.float32)
-        owners, _ = pixel_owners(depth_m, cell_depth_m, probability, owner, reduction, 2)
+        owned = OwnedCells(cell_depth_m, probability, owner, reduction)
+        owners = pixel_owners(owned, depth_m, np.arange(height), np.arange(width))
         for y in range(height):
             for x in range(width):
                 at_y, at_x = (((one + 0.5) / reduction - 0.5) / STRIDE for one in (y, x))
