@@ -1,6 +1,7 @@
 """Pose estimation in depth sequences with a trained network."""
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,18 @@ from kpopnet.networks import ModelConfig
 from kpopnet.networks.backend import open_network
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.runtime.input_files import settings_from
+from kpopnet.skeleton import Joint
 
 log = logging.getLogger(__name__)
 
 BATCH = 32
 """Crops that a network is run on at once."""
+
+Said = tuple[np.ndarray, np.ndarray, np.ndarray | None]
+"""Joints, confidence and logits, as `kpopnet.networks.backend.Backend` answers."""
+
+SURER = 0.03
+"""The mean confidence in joints by which a crop that was turned has to exceed the crop as it is."""
 
 ROOM_FRACTION, ROOM_M2 = 0.6, 3.0
 """A frame shows more than one person if more than this fraction of its pixels is measured, and these pixels cover more than
@@ -60,7 +68,7 @@ class NetworkEstimator:
         frames = list(cubes)
         for batch in (frames[i : i + BATCH] for i in range(0, len(frames), BATCH)):
             crops = np.stack([self._crop(depth_m[i], camera, cubes[i]) for i in batch])
-            uvd, result.confidence[batch], person = self.backend(crops)
+            uvd, result.confidence[batch], person = seen_upright(self.backend, crops)
             if person is not None:
                 judges, person_logit[batch] = True, person
             for frame, estimate in zip(batch, uvd, strict=True):
@@ -70,6 +78,26 @@ class NetworkEstimator:
     def _crop(self, depth_m: np.ndarray, camera: Camera, cube: Cube) -> np.ndarray:
         ridge = None if self.ridge is None else ridge_probability(depth_m, self.ridge)
         return crop(depth_m, camera, cube, self.model.crop_px, ridge)
+
+
+def seen_upright(network: Callable[[np.ndarray], Said], crops: np.ndarray) -> Said:
+    """What a network says of (N, C, S, S) crops, as `Backend`; where it sees a trunk that is not upright it is asked again, of
+    the crop turned by quarters until the trunk is, and what it is surer of counts.
+
+    Few people of the training lie or stand on their hands, and few of its cameras are rolled. Whether it is a person at all is
+    said of the crop as it is.
+    """
+    uvd, confidence, person = network(crops)
+    trunk = uvd[:, Joint.NECK] - (uvd[:, Joint.RIGHT_HIP] + uvd[:, Joint.LEFT_HIP]) / 2
+    quarters = np.rint(np.arctan2(trunk[:, 0], -trunk[:, 1]) / (np.pi / 2)).astype(int) % 4
+    rows = np.flatnonzero(quarters)
+    if len(rows):
+        turned, sure, _ = network(np.stack([np.rot90(crops[row], quarters[row], (1, 2)) for row in rows]))
+        for row, joints, one in zip(rows, turned, sure, strict=True):
+            if one.mean() > confidence[row].mean() + SURER:
+                back = np.linalg.matrix_power([[0, -1], [1, 0]], quarters[row])
+                uvd[row, :, :2], uvd[row, :, 2], confidence[row] = joints[:, :2] @ back.T, joints[:, 2], one
+    return uvd, confidence, person
 
 
 def shows_a_room(depth_m: np.ndarray, camera: Camera) -> bool:

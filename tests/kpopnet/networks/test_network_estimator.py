@@ -10,9 +10,11 @@ from factories import draw_room
 
 from kpopnet.camera import CAMERAS
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
+from kpopnet.data.cube import View
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.estimator import NetworkEstimator
+from kpopnet.networks.estimator import SURER, NetworkEstimator, seen_upright
 from kpopnet.ridge import RidgeConfig
+from kpopnet.skeleton import NUM_JOINTS, Joint
 
 
 @pytest.fixture(scope="module")
@@ -36,13 +38,51 @@ def test_a_training_crop_is_the_crop_that_inference_makes_of_the_same_depth(tmp_
 
     seen = []
     predict = estimator.backend
-    monkeypatch.setattr(estimator, "backend", lambda crops: seen.extend(crops) or predict(crops))
+    monkeypatch.setattr(estimator, "backend", lambda crops: seen.append(crops) or predict(crops))
     estimator.estimate(depth_m, CAMERA)
-    np.testing.assert_array_equal(trained_on, np.stack(seen))
+    np.testing.assert_array_equal(trained_on, seen[0])
     assert trained_on[:, 1].max() > 0.5
     if occluder:
+        seen.clear()
         estimator.estimate(np.stack(whole), CAMERA)
-        assert not np.array_equal(trained_on, np.stack(seen[6:]))
+        assert not np.array_equal(trained_on, seen[0])
+
+
+ARROW = np.zeros((1, 32, 32), np.float32)
+"""A crop whose upper half shows that the person is upright."""
+ARROW[:, :16] = 1
+
+
+def knowing_arrows(sure_by_turns):
+    """A network that sees the person of every crop as ARROW turned counterclockwise by quarters, as sure of it as is given."""
+    upright = np.random.default_rng(0).uniform(-0.3, 0.3, (NUM_JOINTS, 3)).astype(np.float32)
+    upright[Joint.NECK, :2], upright[[Joint.LEFT_HIP, Joint.RIGHT_HIP], :2] = (0.1, -0.6), [(-0.1, 0.1), (0.1, 0.2)]
+
+    def network(crops):
+        turns = [next(k for k in range(4) if np.array_equal(np.rot90(ARROW, k, (1, 2)), crop)) for crop in crops]
+        joints = [np.column_stack([upright[:, :2] @ View(-k * np.pi / 2).matrix().T, upright[:, 2]]) for k in turns]
+        sure = np.array([sure_by_turns[k] for k in turns], np.float32)
+        return np.stack(joints).astype(np.float32), np.repeat(sure[:, None], NUM_JOINTS, 1), sure
+
+    return network
+
+
+def test_a_person_who_is_not_upright_is_seen_upright():
+    crops = np.stack([np.rot90(ARROW, k, (1, 2)) for k in (0, 1, 2, 3, 2)])
+    network = knowing_arrows([0.9, 0.5, 0.6, 0.7])
+    expected = network(crops)
+    joints, confidence, person = seen_upright(network, crops)
+    np.testing.assert_allclose(joints, expected[0], atol=1e-6)  # where they are in the crop as it is
+    assert np.allclose(confidence, 0.9)
+    np.testing.assert_array_equal(person, expected[2])
+
+
+def test_only_a_network_that_is_surer_of_the_upright_person_is_believed():
+    asked, crops = [], np.stack([np.rot90(ARROW, k, (1, 2)) for k in range(4)])
+    network = knowing_arrows([0.5, 0.5 - 2 * SURER, 0.5 - 0.5 * SURER, 0.8])
+    _, confidence, _ = seen_upright(lambda some: asked.append(len(some)) or network(some), crops)
+    assert asked == [4, 3]
+    np.testing.assert_allclose(confidence[:, 0], [0.5, 0.5, 0.5 - 0.5 * SURER, 0.8], atol=1e-6)
 
 
 def test_a_room_is_reported_once(estimator, caplog):
