@@ -29,7 +29,7 @@ from kpopnet.weights import shipped
 LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.4, 0.03, 8
 """Of the cells of a person; the least surface that shows of a person, and the least number of their cells."""
 
-LEAST_ALONE, LEAST_TOGETHER = 0.6, 0.8
+LEAST_ALONE, LEAST_TOGETHER = 0.6, 0.9
 """A new person is reported from this probability on: of the finder alone, and of the finder together with a network that judges
 the crop."""
 
@@ -45,7 +45,7 @@ class FinderConfig:
     Attributes:
         weights: a file of `train.py --config-name finder` (training.part=finder); None: the finder that comes with the package.
             The mask network is the package's.
-        least_certainty: a new person is reported from this probability on; None: from 0.6 of the finder alone, and from 0.8
+        least_certainty: a new person is reported from this probability on; None: from 0.6 of the finder alone, and from 0.9
             where the network of joints judges too.
     """
 

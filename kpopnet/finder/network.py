@@ -77,7 +77,7 @@ class MaskNetwork(CellsNetwork):
     """Which cells of a person's crop show this person."""
 
     def __init__(self) -> None:
-        super().__init__(inputs=7, outputs=1, widths=(12, 24, 48, 96), fine=24)
+        super().__init__(inputs=7, outputs=1, widths=(16, 16, 32, 64), fine=16)
 
     def forward(self, crop: Tensor) -> Tensor:
         """(B, S / 2, S / 2) logits from the (B, 7, S, S) of `observed_crop`."""

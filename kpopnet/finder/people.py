@@ -171,7 +171,7 @@ def certainty(people: People) -> np.ndarray:
     return 1 / (1 + np.exp(-(SURE[0] + certainty_features(people) @ SURE[1:])))
 
 
-TOGETHER = (-0.41, 0.60, 0.64)
+TOGETHER = (-0.40, 0.57, 0.63)
 """Constant and weights of a logistic regression on the log odds of a person by the finder and by the network that ships, fitted
 by tools/fit_person.py on scenes of validation."""
 

@@ -24,16 +24,16 @@ SHA256: dict[str, dict[str, str]] = {
     "joints": {
         "model.safetensors": "ee381b09e16c37197023ffa8f4d97c9786d88d51df83f161bb2c935e69fda04e",
         "meta.json": "b1e8d80966729fcedfbeb9f239c0021b0be0e2226e8811b4c24060c78641a1be",
-        "person.safetensors": "b2c696223eee6c2c5f1ed5838ccd931f3f51277d24e2201127452e2c2e12d658",
-        "graph.onnx": "659e8ba813dec919ae76e29df89ea9104f1f802a824c3a8617a6130c63e1539c",
+        "person.safetensors": "a55cd8803082a113a0e21259759d65def759426ad04e148382bc85434835636f",
+        "graph.onnx": "01adb403afec5d26f6fbe972327f8699d9b80a3f7f2f4c22885da0ab79da31d7",
     },
     "finder": {
         "finder.safetensors": "55314707dd7e2e31d185173ca28dcf94dc1a4ec2332f9e9c460e161d9afc55eb",
         "finder_graph.onnx": "2d515b83ded9540fdfd1ee8624e61f191fa61afc07a7961ff9a4a9904d0a0ba9",
     },
     "masks": {
-        "masks.safetensors": "6a2a50d5e9f8045e545f9195018234aeefcd33e910516f3c562fb377197c66b5",
-        "masks_graph.onnx": "b04d4b48b2174772a6c8b18409e3bf34990f0a21ef5e44ab8f13d1a0295f1ba1",
+        "masks.safetensors": "b53536402cc7f27da10d08cb721b88ce2395e100190141a899164e38fa3941b3",
+        "masks_graph.onnx": "d85d3919b3d50125ff8578e4f00fb5cd2664cfe01736fd3d8401431b75cc4e11",
     },
     "over_time": {
         "over_time_causal.safetensors": "d574441d1a9e01dcc69b824c90c7d2911c3d14adc39f5a0d4be2cff62aad25f5",
