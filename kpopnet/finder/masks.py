@@ -85,9 +85,9 @@ def refine_masks(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gives the pixels of an image to the P people of the cells, whose (P, 3) float32 centres, metres, are given.
 
-    A pixel is the person's of whom the cells of the crop around it say so most surely; no one's where none is at its depth.
-    Beyond the crops it is whose the finder takes it for. (H, W) uint8 person of each pixel, and (P, 4) int32 x0, y0, x1, y1 of
-    their pixels, the last two exclusive; of who has none all 0.
+    Of the people with a probability of THEIRS_FROM or more at a pixel the surest has it, if their torso is within REACH_M in
+    depth; one whose crop ends before it has it if the finder takes it for theirs and no other does. (H, W) uint8 person of each
+    pixel, and (P, 4) int32 x0, y0, x1, y1 of their pixels, the last two exclusive; of who has none all 0.
     """
     decided, surest = np.zeros(depth_m.shape, np.uint8), np.zeros(depth_m.shape, np.float32)
     if not len(centres_m):
@@ -114,7 +114,8 @@ def refine_masks(
 def _take_beyond(depth_m: np.ndarray, cells: OwnedCells, crop: "_Crop", number: int, decided: np.ndarray) -> None:
     """Gives a person the pixels beyond their crop that the finder takes for theirs and that are no one's."""
     x, y, width, height = cv2.boundingRect((cells.owner == number).view(np.uint8))
-    corners = STRIDE * cells.reduction * np.array([(y - 1, x - 1), (y + height + 1, x + width + 1)])
+    # A cell has a say in the pixels up to two cells away.
+    corners = STRIDE * cells.reduction * np.array([(y - 2, x - 2), (y + height + 2, x + width + 2)])
     (y0, x0), (y1, x1) = np.clip(corners, 0, depth_m.shape).astype(int)
     rows, columns, within = np.arange(y0, y1), np.arange(x0, x1), np.s_[y0:y1, x0:x1]
     inside_rows, inside_columns = ((one >= of[0]) & (one < of[-1]) for one, of in ((rows, crop.rows), (columns, crop.columns)))

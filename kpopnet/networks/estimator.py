@@ -34,8 +34,9 @@ this area seen from the front: a person's, with wide clothes and arms stretched 
 class NetworkEstimator:
     """A `kpopnet.estimator.Estimator`.
 
-    Frames are independent: the person's centre is the median of the frame's silhouette, as in training. The confidence is
-    the network's estimate of the probability that the joint lies within 10 cm of the ground truth.
+    Frames are independent: the person's centre is the median of the frame's silhouette, as in training. Who is not upright is
+    looked at twice (`seen_upright`). The confidence is the network's estimate of the probability that the joint lies within
+    10 cm of the ground truth.
     """
 
     def __init__(self, checkpoint: Path | str | None = None, device: str = "cpu") -> None:

@@ -81,13 +81,37 @@ def test_beyond_their_crop_pixels_are_whose_the_finder_takes_them_for():
     camera = Camera.centred(200.0, 320, 480)
     depth_m, labels = np.full((480, 320), 4.0, np.float32), np.zeros((480, 320), np.uint8)
     depth_m[100:470, 140:180], labels[100:470, 140:180] = 1.4, 1
-    centres_m = np.array([(0, -0.4, 2.0), (0.4, -0.4, 2.0)], np.float32)
-    end = max(scene_crop(depth_m, camera, centre_m).to_image[1] @ (CROP_PX - 1, 1) for centre_m in centres_m)
+    centres_m = np.array([(0, -0.4, 2.0), (0.4, 0.1, 2.0)], np.float32)
+    end, later = (scene_crop(depth_m, camera, centre_m).to_image[1] @ (CROP_PX - 1, 1) for centre_m in centres_m)
     nothing = np.zeros((2, CROP_PX // 2, CROP_PX // 2), np.float32)
     decided, boxes = refine_masks(lambda *_: nothing, depth_m, camera, owned(labels, depth_m), centres_m)
     beyond = np.arange(480)[:, None] >= end
-    assert np.array_equal(decided == 1, (labels == 1) & beyond) and 0 < beyond.sum() < 200 * 320
+    assert np.array_equal(decided == 1, (labels == 1) & beyond) and 0 < beyond.sum() < 200 * 320 and later > end + 20
     assert boxes.tolist() == [[140, np.ceil(end), 180, 470], [0, 0, 0, 0]]
+
+
+def test_beyond_their_crops_all_pixels_of_people_who_touch_are_someones():
+    """Also those between two people's cells, and around the last of them."""
+    camera = Camera.centred(800.0, 640, 480)
+    depth_m, owner = np.full((480, 640), 1.5, np.float32), np.zeros((60, 80), np.uint8)
+    owner[5:55, 10:70] = 1 + (np.indices((50, 60)).sum(0) // 7 + np.arange(60) // 30) % 2
+    cells = OwnedCells(depth_m[::8, ::8], np.full(owner.shape, 0.9, np.float32), owner, 8 / STRIDE)
+    far_away = np.array([(-0.2, -0.1, 9.0), (0.2, 0.1, 9.0)], np.float32)  # whose crops show a few pixels
+    crops = [scene_crop(depth_m, camera, centre_m) for centre_m in far_away]
+    nothing = np.zeros((2, CROP_PX // 2, CROP_PX // 2), np.float32)
+    decided, _ = refine_masks(lambda *_: nothing, depth_m, camera, cells, far_away)
+    whole = pixel_owners(cells, depth_m, *map(np.arange, depth_m.shape))
+    beyond = np.ones(depth_m.shape, bool)
+    for crop_ in crops:
+        beyond[max(crop_.rows[0], 0) : crop_.rows[-1] + 1, max(crop_.columns[0], 0) : crop_.columns[-1] + 1] = False
+    assert set(np.unique(whole)) == {0, 1, 2} and beyond.mean() > 0.7
+    np.testing.assert_array_equal(decided[beyond], whole[beyond])
+
+
+def test_no_people_have_no_pixels():
+    depth_m, labels, _ = two_people(CAMERAS[0])
+    decided, boxes = refine_masks(None, depth_m, CAMERAS[0], owned(labels, depth_m), np.zeros((0, 3), np.float32))
+    assert not decided.any() and boxes.shape == (0, 4)
 
 
 @settings(max_examples=8, deadline=None)

@@ -67,8 +67,12 @@ def knowing_arrows(sure_by_turns):
     return network
 
 
+def turned(quarters):
+    return np.stack([np.rot90(ARROW, k, (1, 2)) for k in quarters])
+
+
 def test_a_person_who_is_not_upright_is_seen_upright():
-    crops = np.stack([np.rot90(ARROW, k, (1, 2)) for k in (0, 1, 2, 3, 2)])
+    crops = turned((0, 1, 2, 3, 2))
     network = knowing_arrows([0.9, 0.5, 0.6, 0.7])
     expected = network(crops)
     joints, confidence, person = seen_upright(network, crops)
@@ -78,11 +82,36 @@ def test_a_person_who_is_not_upright_is_seen_upright():
 
 
 def test_only_a_network_that_is_surer_of_the_upright_person_is_believed():
-    asked, crops = [], np.stack([np.rot90(ARROW, k, (1, 2)) for k in range(4)])
+    asked, crops = [], turned(range(4))
     network = knowing_arrows([0.5, 0.5 - 2 * SURER, 0.5 - 0.5 * SURER, 0.8])
-    _, confidence, _ = seen_upright(lambda some: asked.append(len(some)) or network(some), crops)
+
+    def unlike(some):
+        """Puts joints of its second answer elsewhere."""
+        asked.append(len(some))
+        joints, sure, person = network(some)
+        return joints + np.float32(len(asked) - 1), sure, person
+
+    joints, confidence, _ = seen_upright(unlike, crops)
     assert asked == [4, 3]
     np.testing.assert_allclose(confidence[:, 0], [0.5, 0.5, 0.5 - 0.5 * SURER, 0.8], atol=1e-6)
+    as_they_are = network(crops)[0]
+    np.testing.assert_allclose(joints[[0, 2, 3]], as_they_are[[0, 2, 3]], atol=1e-6)
+    assert np.abs(joints[1] - as_they_are[1]).min() > 0.5
+
+
+def test_who_is_upright_is_looked_at_once_and_a_network_need_not_judge_nor_see_depth_alone():
+    network, asked = knowing_arrows([0.9, 0.5, 0.5, 0.5]), []
+
+    def of_the_second_channel(crops):
+        asked.append(len(crops))
+        return *network(crops[:, 1:])[:2], None
+
+    upright = turned((0, 0))
+    two_channels = np.concatenate([1 - upright, upright], axis=1)
+    assert seen_upright(of_the_second_channel, two_channels)[2] is None and asked == [2]
+    lying = turned((1, 0))
+    _, confidence, _ = seen_upright(of_the_second_channel, np.concatenate([1 - lying, lying], axis=1))
+    assert asked == [2, 2, 1] and np.allclose(confidence, 0.9)
 
 
 def test_a_room_is_reported_once(estimator, caplog):
