@@ -150,6 +150,11 @@ class SimulatedSet:
 class SimulatedBenchmark(SimulatedSet):
     """A set of sequences of one person: `eval_sim` and `smmc10_sim`."""
 
+    @property
+    def label_definition(self) -> str | None:
+        """Markers on the skin are other points of the body than our joints."""
+        return self.truth if "markers" in self.truth else None
+
     def read(self, name: str) -> Sequence:
         path = self.path(name)
         stored = read_sequence(path)
