@@ -119,6 +119,8 @@ def _take_beyond(depth_m: np.ndarray, cells: OwnedCells, crop: "_Crop", number: 
     (y0, x0), (y1, x1) = np.clip(corners, 0, depth_m.shape).astype(int)
     rows, columns, within = np.arange(y0, y1), np.arange(x0, x1), np.s_[y0:y1, x0:x1]
     inside_rows, inside_columns = ((one >= of[0]) & (one < of[-1]) for one, of in ((rows, crop.rows), (columns, crop.columns)))
+    if inside_rows.all() and inside_columns.all():
+        return
     free = ~(inside_rows[:, None] & inside_columns) & (decided[within] == NO_PERSON)
     if free.any():
         owners = pixel_owners(cells, np.where(free, depth_m[within], np.float32(0)), rows, columns)

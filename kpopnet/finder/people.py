@@ -202,33 +202,40 @@ def pixel_owners(cells: OwnedCells, depth_m: np.ndarray, rows: np.ndarray, colum
     beside it is a person's. From the (R, C) float32 depth, metres, of the (R,) rows and (C,) columns; (R, C) uint8 person.
     """
     near = cv2.dilate(np.minimum(cells.owner, 1), np.ones((3, 3)))
-    return _pixel_owners(*cells, near, depth_m, rows, columns)
+    least, most = (of(cells.owner, np.ones((4, 4)), anchor=(1, 1)) for of in (cv2.erode, cv2.dilate))
+    return _pixel_owners(cells, near, least == most, depth_m, rows, columns)
 
 
 @njit(cache=True)
-def _pixel_owners(cell_depth_m, probability, owner, reduction, near, depth_m, rows, columns):
-    h, w = owner.shape
+def _pixel_owners(cells, near, alike, depth_m, rows, columns):
+    """`near`: whether a cell or one beside it is a person's; `alike`: whether the 4 x 4 cells around the pixels between each
+    cell and the next are of one owner.
+    """
+    h, w = cells.owner.shape
     owners = np.zeros(depth_m.shape, np.uint8)
-    opinion = np.zeros(np.max(owner) + 1, np.float32)
+    opinion = np.zeros(np.max(cells.owner) + 1, np.float32)
     for y in range(len(rows)):
-        at_y = ((rows[y] + 0.5) / reduction - 0.5) / STRIDE
-        row_0 = max(min(int(at_y + 0.5), h - 1), 0)
+        at_y = ((rows[y] + 0.5) / cells.reduction - 0.5) / STRIDE
+        top, nearest_row = max(min(int(at_y), h - 1), 0), max(min(int(at_y + 0.5), h - 1), 0)
         for x in range(len(columns)):
             z = depth_m[y, x]
-            at_x = ((columns[x] + 0.5) / reduction - 0.5) / STRIDE
-            column_0 = max(min(int(at_x + 0.5), w - 1), 0)
-            if z == 0 or not near[row_0, column_0]:
+            at_x = ((columns[x] + 0.5) / cells.reduction - 0.5) / STRIDE
+            left, nearest_column = max(min(int(at_x), w - 1), 0), max(min(int(at_x + 0.5), w - 1), 0)
+            if z == 0 or not near[nearest_row, nearest_column]:
+                continue
+            if alike[top, left] and abs(cells.depth_m[top, left] - z) < BESIDE_M:
+                owners[y, x] = cells.owner[top, left]  # whatever the others' depths: they would say the same
                 continue
             reach = np.float32(BESIDE_M + BESIDE_PER_M * z)
             opinion[:] = 0
             for row in range(max(int(at_y) - 1, 0), min(int(at_y) + 3, h)):
                 for column in range(max(int(at_x) - 1, 0), min(int(at_x) + 3, w)):
-                    apart = abs(cell_depth_m[row, column] - z) / reach
-                    if cell_depth_m[row, column] == 0 or apart > 1:
+                    apart = abs(cells.depth_m[row, column] - z) / reach
+                    if cells.depth_m[row, column] == 0 or apart > 1:
                         continue
                     beside = (row - at_y) ** 2 + (column - at_x) ** 2
                     weight = np.float32((1 - apart) / (0.2 + beside))
-                    p = probability[row, column]
-                    opinion[owner[row, column]] += weight * (p if owner[row, column] else 1 - p)
+                    p, person = cells.probability[row, column], cells.owner[row, column]
+                    opinion[person] += weight * (p if person else 1 - p)
             owners[y, x] = np.argmax(opinion)
     return owners

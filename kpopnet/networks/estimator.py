@@ -103,5 +103,7 @@ def seen_upright(network: Callable[[np.ndarray], Said], crops: np.ndarray) -> Sa
 
 def shows_a_room(depth_m: np.ndarray, camera: Camera) -> bool:
     """Whether (N, H, W) depth in metres shows much more than one person."""
+    if np.count_nonzero(depth_m) <= ROOM_FRACTION * depth_m.size:
+        return False
     area_m2 = float(np.square(depth_m, dtype=np.float64).sum()) / (camera.fx * camera.fy)
-    return bool(np.count_nonzero(depth_m) > ROOM_FRACTION * depth_m.size and area_m2 > ROOM_M2 * len(depth_m))
+    return area_m2 > ROOM_M2 * len(depth_m)
