@@ -25,15 +25,15 @@ SHA256: dict[str, dict[str, str]] = {
         "model.safetensors": "ee381b09e16c37197023ffa8f4d97c9786d88d51df83f161bb2c935e69fda04e",
         "meta.json": "b1e8d80966729fcedfbeb9f239c0021b0be0e2226e8811b4c24060c78641a1be",
         "person.safetensors": "a55cd8803082a113a0e21259759d65def759426ad04e148382bc85434835636f",
-        "graph.onnx": "01adb403afec5d26f6fbe972327f8699d9b80a3f7f2f4c22885da0ab79da31d7",
+        "graph.onnx": "ec20b7786ab19ccb4d95507986c5104f7935a9b051ba1e0bad93679f15153197",
     },
     "finder": {
         "finder.safetensors": "55314707dd7e2e31d185173ca28dcf94dc1a4ec2332f9e9c460e161d9afc55eb",
-        "finder_graph.onnx": "2d515b83ded9540fdfd1ee8624e61f191fa61afc07a7961ff9a4a9904d0a0ba9",
+        "finder_graph.onnx": "344c9ef1ed9178614f2f9555db911d662a26f518964d3806c94f9bad1aa8266c",
     },
     "masks": {
         "masks.safetensors": "b53536402cc7f27da10d08cb721b88ce2395e100190141a899164e38fa3941b3",
-        "masks_graph.onnx": "d85d3919b3d50125ff8578e4f00fb5cd2664cfe01736fd3d8401431b75cc4e11",
+        "masks_graph.onnx": "c699dd547d475c5b9c0132f031a8c067065cef8ca4ec7d8d5e3fb7420168cc1d",
     },
     "over_time": {
         "over_time_causal.safetensors": "d574441d1a9e01dcc69b824c90c7d2911c3d14adc39f5a0d4be2cff62aad25f5",
