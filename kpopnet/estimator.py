@@ -1,7 +1,7 @@
 """The protocol of all pose estimators: a depth sequence and a camera in, joints and confidence out."""
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -52,9 +52,11 @@ class Estimator(Protocol):
 class Judge(Estimator, Protocol):
     """An estimator that can tell whether depth shows a person at all."""
 
-    def judge(self, depth_m: np.ndarray, camera: Camera) -> tuple[Estimate, np.ndarray | None]:
-        """What `estimate` answers, and for each frame a (T,) logit, whose sigmoid is the probability that it shows a person,
-        -inf of an empty silhouette; None if it was not made to judge, or all silhouettes are empty.
+    def judge(self, images: Sequence[tuple[np.ndarray, Camera]]) -> tuple[Estimate, np.ndarray | None]:
+        """What `estimate` answers of T images, (H, W) float32 metres each, 0 outside its person, and their cameras.
+
+        Also a (T,) logit, whose sigmoid is the probability that an image shows a person, -inf of an empty silhouette; None if
+        it was not made to judge, or all silhouettes are empty.
         """
         ...
 

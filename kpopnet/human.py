@@ -1,6 +1,6 @@
 """A person found in a depth image: what every way of finding people answers."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -63,5 +63,5 @@ class Human:
         return camera.cropped(x0, y0, x1 - x0, y1 - y0)
 
 
-Looker = Callable[[Human], Look]
-"""Looks at what may be a human."""
+Looker = Callable[[Sequence[Human]], list[Look]]
+"""Looks at what may be the humans of an image, at once."""

@@ -22,7 +22,7 @@ from kpopnet.finder.people import (
     certainty_together,
     gather_people,
 )
-from kpopnet.human import Human, Looker
+from kpopnet.human import Human, Look, Looker
 from kpopnet.networks.backend import filters, onnx_session
 from kpopnet.weights import shipped
 
@@ -78,12 +78,13 @@ class PersonFinder:
         least = FOLLOWED_CERTAINTY if given is None else min(FOLLOWED_CERTAINTY, given)
         candidates = candidates_in(self._network, depth_m, self.camera, least)
         owners, boxes = refine_masks(self._masks, depth_m, self.camera, candidates.cells, candidates.centres_m)
-        found = enumerate(zip(boxes, candidates.centres_m, candidates.certainty, strict=True), 1)
-        looked_at = (
-            self._looked_at(Human.cut_out(UNKNOWN, depth_m, owners, number, box, centre_m), float(one))
+        found = enumerate(zip(boxes, candidates.centres_m, candidates.certainty.tolist(), strict=True), 1)
+        cut_out = [
+            replace(Human.cut_out(UNKNOWN, depth_m, owners, number, box, centre_m), certainty=one)
             for number, (box, centre_m, one) in found
             if box[2] > box[0]
-        )
+        ]
+        looked_at = cut_out if self.looker is None else map(_looked_at, cut_out, self.looker(cut_out))
         humans = [human for human in looked_at if human.certainty >= least]
         self._time_s = self._time_s + FRAME_S if time_s is None else time_s
         centres_m = np.reshape([human.centre_m for human in humans], (-1, 3))
@@ -92,16 +93,15 @@ class PersonFinder:
         known = (replace(human, identity=one) for human, one in zip(humans, identities, strict=True) if one != UNKNOWN)
         return sorted(known, key=lambda human: human.identity)
 
-    def _looked_at(self, human: Human, probability: float) -> Human:
-        look = None if self.looker is None else self.looker(human)
-        if look and look.person_logit is not None:
-            probability = certainty_together(probability, look.person_logit)
-        return replace(human, certainty=probability, look=look)
-
     def _is_certain(self, human: Human) -> bool:
         is_judged = human.look and human.look.person_logit is not None
         least, given = LEAST_TOGETHER if is_judged else LEAST_ALONE, self.config.least_certainty
         return human.certainty >= (least if given is None else given)
+
+
+def _looked_at(human: Human, look: Look) -> Human:
+    both = human.certainty if look.person_logit is None else certainty_together(human.certainty, look.person_logit)
+    return replace(human, certainty=both, look=look)
 
 
 class Candidates(NamedTuple):

@@ -1,13 +1,13 @@
 """Pose estimation in depth sequences with a trained network."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.data.cube import Cube, crop, person_cubes
+from kpopnet.data.cube import Cube, crop, person_centre
 from kpopnet.estimator import Estimate
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.backend import open_network
@@ -51,29 +51,30 @@ class NetworkEstimator:
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
-        return self.judge(depth_m, camera)[0]
-
-    def judge(self, depth_m: np.ndarray, camera: Camera) -> tuple[Estimate, np.ndarray | None]:
-        """See `kpopnet.estimator.Judge`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
-        if not self._warned and shows_a_room(depth_m[len(depth_m) // 2 :][:1], camera):
+        return self.judge([(frame_m, camera) for frame_m in depth_m])[0]
+
+    def judge(self, images: Sequence[tuple[np.ndarray, Camera]]) -> tuple[Estimate, np.ndarray | None]:
+        """See `kpopnet.estimator.Judge`."""
+        if images and not self._warned and shows_a_room(*images[len(images) // 2]):
             self._warned = True
             log.warning(
                 "%s: the depth shows a whole room, and a network expects one person and 0 elsewhere: its joints will be wrong; "
                 "extract the person first (kpopnet.pose.extraction.extract_person)",
                 self.name,
             )
-        result = Estimate.missing(len(depth_m))
-        judges, person_logit = False, np.full(len(depth_m), -np.inf, np.float32)
-        cubes = person_cubes(depth_m, camera, self.model.half_size_m)
-        frames = list(cubes)
-        for batch in (frames[i : i + BATCH] for i in range(0, len(frames), BATCH)):
-            crops = np.stack([self._crop(depth_m[i], camera, cubes[i]) for i in batch])
+        result = Estimate.missing(len(images))
+        judges, person_logit = False, np.full(len(images), -np.inf, np.float32)
+        centres_m = [person_centre(*image) for image in images]
+        cubes = {row: Cube(centre_m, self.model.half_size_m) for row, centre_m in enumerate(centres_m) if centre_m is not None}
+        rows = list(cubes)
+        for batch in (rows[i : i + BATCH] for i in range(0, len(rows), BATCH)):
+            crops = np.stack([self._crop(*images[row], cubes[row]) for row in batch])
             uvd, result.confidence[batch], person = seen_upright(self.backend, crops)
             if person is not None:
                 judges, person_logit[batch] = True, person
-            for frame, estimate in zip(batch, uvd, strict=True):
-                result.joints_camera_m[frame] = cubes[frame].to_metres(estimate)
+            for row, estimate in zip(batch, uvd, strict=True):
+                result.joints_camera_m[row] = cubes[row].to_metres(estimate)
         return result, person_logit if judges else None
 
     def _crop(self, depth_m: np.ndarray, camera: Camera, cube: Cube) -> np.ndarray:
@@ -102,8 +103,8 @@ def seen_upright(network: Callable[[np.ndarray], Said], crops: np.ndarray) -> Sa
 
 
 def shows_a_room(depth_m: np.ndarray, camera: Camera) -> bool:
-    """Whether (N, H, W) depth in metres shows much more than one person."""
+    """Whether (H, W) depth in metres shows much more than one person."""
     if np.count_nonzero(depth_m) <= ROOM_FRACTION * depth_m.size:
         return False
     area_m2 = float(np.square(depth_m, dtype=np.float64).sum()) / (camera.fx * camera.fy)
-    return area_m2 > ROOM_M2 * len(depth_m)
+    return area_m2 > ROOM_M2

@@ -176,7 +176,7 @@ class PoseEstimator:
         mode, network = self.mode, self.network
         if mode == "tracker" or network is None:
             return None
-        return lambda human: detected(network, mode, human.depth_m, human.cropped(camera))
+        return lambda humans: detected(network, mode, [(human.depth_m, human.cropped(camera)) for human in humans])
 
     def _segmented(self, image: np.ndarray, camera: Camera, time_s: float) -> dict[int, Pose]:
         depth_m, camera = _needed_image(image, camera)

@@ -42,24 +42,32 @@ def _over_time(sees_future: bool) -> OverTime:
     return OverTime.load(shipped("over_time")[sees_future])
 
 
-def detected(network: Estimator, mode: str, depth_m: np.ndarray, camera: Camera) -> Look:
-    """What a network sees in one (H, W) image of one person, in metres, 0 elsewhere."""
-    seen, person = _seen(network, depth_m, camera)
+def detected(network: Estimator, mode: str, images: Sequence[tuple[np.ndarray, Camera]]) -> list[Look]:
+    """What a network sees in (H, W) images of one person each, in metres, 0 elsewhere, and their cameras."""
+    seen = _seen(network, images)
     if mode != "best":
-        return Look(seen.joints_camera_m[0], seen.confidence[0], person)
-    in_mirror, in_mirror_person = _seen(network, np.ascontiguousarray(depth_m[:, ::-1]), camera.mirrored())
-    joints_m = in_mirror.joints_camera_m[0, MIRROR] * np.array([-1, 1, 1], np.float32)
-    if person is not None and in_mirror_person is not None:
-        person = (person + in_mirror_person) / 2
-    confidence = (seen.confidence[0] + in_mirror.confidence[0, MIRROR]) / 2
-    return Look((seen.joints_camera_m[0] + joints_m) / 2, confidence, person)
+        return seen
+    in_mirror = _seen(network, [(np.ascontiguousarray(depth_m[:, ::-1]), camera.mirrored()) for depth_m, camera in images])
+    return [_mean(one, other) for one, other in zip(seen, in_mirror, strict=True)]
 
 
-def _seen(network: Estimator, depth_m: np.ndarray, camera: Camera) -> tuple[Estimate, float | None]:
-    if not isinstance(network, Judge):
-        return network.estimate(depth_m[None], camera), None
-    estimate, person_logit = network.judge(depth_m[None], camera)
-    return estimate, None if person_logit is None else float(person_logit[0])
+def _seen(network: Estimator, images: Sequence[tuple[np.ndarray, Camera]]) -> list[Look]:
+    if isinstance(network, Judge):
+        (joints_m, confidence), logits = network.judge(images)
+        # A silhouette that is too small to be looked at is not judged.
+        judged = [None] * len(images) if logits is None else [None if one == -math.inf else one for one in logits.tolist()]
+        return [Look(*one) for one in zip(joints_m, confidence, judged, strict=True)]
+    single = (network.estimate(depth_m[None], camera) for depth_m, camera in images)
+    return [Look(one.joints_camera_m[0], one.confidence[0], None) for one in single]
+
+
+def _mean(seen: Look, in_mirror: Look) -> Look:
+    joints_m = in_mirror.joints_camera_m[MIRROR] * np.array([-1, 1, 1], np.float32)
+    person = seen.person_logit
+    if person is not None and in_mirror.person_logit is not None:
+        person = (person + in_mirror.person_logit) / 2
+    confidence = (seen.confidence + in_mirror.confidence[MIRROR]) / 2
+    return Look((seen.joints_camera_m + joints_m) / 2, confidence, person)
 
 
 class DetectedPerson:
@@ -84,7 +92,7 @@ class DetectedPerson:
 
         `look` is what the network saw in it, where it was asked already.
         """
-        detected_m, confidence, _ = look or detected(self.network, self.mode, depth_m, camera)
+        detected_m, confidence, _ = look or detected(self.network, self.mode, [(depth_m, camera)])[0]
         fitted_m, evidence = refine_frame(self._body, Estimate(detected_m, confidence), depth_m, camera)
         if not np.isfinite(detected_m).all():
             return Pose(detected_m.astype(np.float32), confidence)

@@ -65,13 +65,13 @@ def test_a_closer_look_decides_who_is_new_and_takes_part_in_who_is_followed(know
     """What a network saw comes with the human; one that does not judge leaves the finder alone."""
     logits, seen = (None, -9.0, 9.0, 0.0, -1.0, -9.0), []
     for person_logit in logits:
-        knowing.looker = lambda human, logit=person_logit: look(logit)
+        knowing.looker = lambda humans, logit=person_logit: [look(logit)] * len(humans)
         seen.append(knowing.extract(scene()))
         assert all(human.look.person_logit is person_logit for human in seen[-1])
     assert [len(found) for found in seen] == [1, 0, 1, 1, 1, 0]
     nine, zero, doubtful = (found[0].certainty for found in seen[2:5])
     assert doubtful < zero < nine
-    fresh = PersonFinder(CAMERA, FinderConfig("known"), lambda human: look(-5.0))
+    fresh = PersonFinder(CAMERA, FinderConfig("known"), lambda humans: [look(-5.0)] * len(humans))
     assert fresh.extract(scene()) == []  # doubtful, where no person was before
 
 

@@ -13,6 +13,7 @@ from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
 from kpopnet.data.cube import View
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.estimator import SURER, NetworkEstimator, seen_upright
+from kpopnet.pose.person import detected
 from kpopnet.ridge import RidgeConfig
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
@@ -112,6 +113,26 @@ def test_who_is_upright_is_looked_at_once_and_a_network_need_not_judge_nor_see_d
     lying = turned((1, 0))
     _, confidence, _ = seen_upright(of_the_second_channel, np.concatenate([1 - lying, lying], axis=1))
     assert asked == [2, 2, 1] and np.allclose(confidence, 0.9)
+
+
+@pytest.mark.parametrize("mode", ["realtime", "best"])
+def test_people_of_an_image_are_looked_at_at_once_as_one_by_one(mode, monkeypatch):
+    """Of cameras of their own; one whose silhouette is too small is not judged, and does not disturb the others."""
+    network = NetworkEstimator()  # the package's judges
+    people = CapsulePeople(3)
+    images = [(people.observe(index, 0).depth_m, CAMERA) for index in range(3)]
+    images[1] = images[1][0][10:, 20:], CAMERA.cropped(20, 10, CAMERA.width - 20, CAMERA.height - 10)
+    images.insert(1, (np.zeros_like(images[0][0]), CAMERA))
+    asked, predict = [], network.backend
+    monkeypatch.setattr(network, "backend", lambda crops: asked.append(len(crops)) or predict(crops))
+    together = detected(network, mode, images)
+    assert asked[0] == 3
+    for image, found in zip(images, together, strict=True):
+        (alone,) = detected(network, mode, [image])
+        np.testing.assert_allclose(found.joints_camera_m, alone.joints_camera_m, atol=1e-5)
+        np.testing.assert_allclose(found.confidence, alone.confidence, atol=1e-5)
+        assert (found.person_logit is None) == (alone.person_logit is None) == (not image[0].any())
+    assert detected(network, mode, []) == []
 
 
 def test_a_room_is_reported_once(estimator, caplog):

@@ -65,18 +65,19 @@ def test_whether_a_crop_shows_a_person_is_judged_by_both_where_the_checkpoint_ha
     depth_m = np.zeros((3, 60, 80), np.float32)
     depth_m[1, 10:50, 30:40], depth_m[2, 10:50, 30:60] = 2, 2.5
     camera = Camera.centred(70.0, 80, 60)
-    (_, expected), (estimate, found) = (NetworkEstimator(run / one).judge(depth_m, camera) for one in ("best", "pose.onnx"))
+    images = [(image_m, camera) for image_m in depth_m]
+    (_, expected), (estimate, found) = (NetworkEstimator(run / one).judge(images) for one in ("best", "pose.onnx"))
     np.testing.assert_allclose(found, expected, atol=1e-5)
     assert found[0] == -np.inf and np.isfinite(found[1:]).all() and found[1] != found[2]
     np.testing.assert_array_equal(estimate.confidence[0], 0)
     copy = pickle.loads(pickle.dumps(NetworkEstimator(run / "pose.onnx")))  # for worker processes
-    np.testing.assert_array_equal(copy.judge(depth_m, camera)[1], found)
+    np.testing.assert_array_equal(copy.judge(images)[1], found)
     shutil.copytree(run / "best", tmp_path / "other")
     (tmp_path / "other" / PERSON).write_bytes(safetensors.torch.save(PersonHead(8).state_dict()))
     with pytest.raises(InputError, match=r"person\.safetensors: missing, damaged"):
         NetworkEstimator(tmp_path / "other")
     (tmp_path / "other" / PERSON).unlink()
-    assert NetworkEstimator(tmp_path / "other").judge(depth_m, camera)[1] is None
+    assert NetworkEstimator(tmp_path / "other").judge(images)[1] is None
 
 
 def test_the_file_describes_itself_and_not_the_machine(run):

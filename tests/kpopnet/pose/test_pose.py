@@ -211,7 +211,7 @@ def test_what_the_network_saw_for_the_finder_is_not_computed_again(monkeypatch):
 
     def extract(depth_m, time_s):
         human = Human(0, (0, 0, 80, 60), depth_m, np.zeros(3))
-        given.append(looker and looker(human))
+        given.extend(looker([human]) if looker else [None])
         return [replace(human, look=given[-1])]
 
     def build(camera, settings, asked):
