@@ -31,7 +31,7 @@ def test_the_head_of_a_few_scenes_keeps_people_and_a_second_run_draws_none(tmp_p
     assert people > 10 and people > things and figures["at"]["0.3"]["finder"]["recall"] > 0.8
     blob_m = np.zeros((1, 60, 80), np.float32)
     blob_m[0, 10:50, 30:40] = 2.0
-    assert NetworkEstimator(tmp_path).judge(blob_m, Camera.centred(70.0, 80, 60))[1] is not None
+    assert NetworkEstimator(tmp_path).judge([(blob_m[0], Camera.centred(70.0, 80, 60))])[1] is not None
     weights = (tmp_path / PERSON).read_bytes()
     monkeypatch.setattr(fit_person.Looks, "make", None)
     fit_person.main()

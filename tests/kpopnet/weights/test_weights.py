@@ -59,7 +59,7 @@ def once(tmp_path_factory):
     (judging / PERSON).write_bytes(save_weights(PersonHead(MODEL.widths[-1]).state_dict()))
     for run, judges in ((judging, True), (save(place / "run"), False)):
         ship_weights.ship(run, weights)
-        does_judge = NetworkEstimator(weights).judge(DEPTH_M, CAMERA)[1] is not None
+        does_judge = NetworkEstimator(weights).judge([(image_m, CAMERA) for image_m in DEPTH_M])[1] is not None
         assert {does_judge, PERSON in digests(weights)["joints"], (weights / PERSON).is_file()} == {judges}
     return place
 
