@@ -112,7 +112,7 @@ def observed_crop(depth_m: Tensor, owner: Tensor, centre_m: Tensor) -> Tensor:
     measured, centre_z = depth_m > 0, centre_m[:, 2, None, None]
     depth = torch.where(measured, ((depth_m - centre_z) / HALF_M).clamp(-1.5, 1.5), torch.zeros(()))
     place = (torch.arange(CROP_PX, device=depth.device) + 0.5) * (2 / CROP_PX) - 1
-    said = [(owner == whose).float() for whose in (OWN, OTHER)]
+    said = [(owner.float() == whose).float() for whose in (OWN, OTHER)]  # ONNX Runtime 1.20 compares no bytes
     u, v = place.expand_as(depth), place[:, None].expand_as(depth)
     return torch.stack([depth, measured.float(), *said, u, v, torch.log(centre_z / 2.5).expand_as(depth)], 1)
 

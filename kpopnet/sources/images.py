@@ -117,7 +117,8 @@ def _unpacked(where: str, image: Image.Image, modes: Sequence[str]) -> np.ndarra
             "floating-point metres (TIFF). Colour and 8-bit images do not hold depth"
         )
     # Pillow stretches a PGM image from its own greatest value to that of 16 bits.
-    greatest = image.tile[0].args[-1] if image.tile and image.tile[0].codec_name.startswith("ppm") else None
+    decoder, _, _, of_decoder = image.tile[0] if image.tile else ("", None, 0, None)
+    greatest = of_decoder[-1] if decoder.startswith("ppm") else None
     stored = np.array(image)
     if isinstance(greatest, int):
         return np.rint(stored * (greatest / np.iinfo(np.uint16).max)).astype(np.uint16)

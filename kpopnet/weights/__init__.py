@@ -33,7 +33,7 @@ SHA256: dict[str, dict[str, str]] = {
     },
     "masks": {
         "masks.safetensors": "b53536402cc7f27da10d08cb721b88ce2395e100190141a899164e38fa3941b3",
-        "masks_graph.onnx": "c699dd547d475c5b9c0132f031a8c067065cef8ca4ec7d8d5e3fb7420168cc1d",
+        "masks_graph.onnx": "5eb6d993ee7c60c2a0fff2f7cb59da0fdcb3d13fb79f4a3c8893f1cb658cfa79",
     },
     "over_time": {
         "over_time_causal.safetensors": "d574441d1a9e01dcc69b824c90c7d2911c3d14adc39f5a0d4be2cff62aad25f5",
