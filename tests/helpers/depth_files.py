@@ -52,7 +52,10 @@ SCANNET_MATRIX = f"{CAMERA.fx} 0 {CAMERA.cx} 0 0 {CAMERA.fy} {CAMERA.cy} 0 0 0 1
 
 def write_scannet(folder: Path, images: np.ndarray, units_per_m: int = 1000) -> Path:
     """What ScanNet's reader of .sens writes."""
-    save_images(folder, "frame-{:06d}.depth.pgm", images)
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, image in enumerate(images):  # Pillow before 11 writes no PGM of 16 bits
+        header = b"P5\n%d %d\n65535\n" % image.shape[::-1]
+        (folder / f"frame-{number:06d}.depth.pgm").write_bytes(header + image.astype(">u2").tobytes())
     lines = ("m_versionNumber = 4", f"m_depthShift = {units_per_m}", f"m_calibrationDepthIntrinsic = {SCANNET_MATRIX} ", "")
     (folder / "_info.txt").write_text("\n".join(lines))
     return folder
