@@ -35,6 +35,9 @@ STANDING_PENETRATION_M, EXTRA_PENETRATION_M = 0.06, 0.03
 value beyond the greater of the first value and the person's penetration while standing. When broad people stand, their forearms
 penetrate their thighs, with clothes, by 6 cm, which is not visible."""
 
+PEOPLE_DRAWN = 3
+"""How often the people of a sequence are drawn: a person of two metres has no room for a handstand in the image."""
+
 TILES = 10
 TILE_WIDTH_PX, TILE_PORTRAIT_PX = 240, 160
 
@@ -75,8 +78,8 @@ class SequenceGenerator(SetGenerator):
     names: ClassVar[str]  # format of the name of a sequence, by its numbers from 0 and from 1
     most_people: ClassVar[int] = 1  # in a sequence
     body: ClassVar[BodyConfig] = BODY
-    tries: ClassVar[int]  # how often a sequence is drawn, until something fits,
-    nothing_fits: ClassVar[str]  # and what the error says if nothing does: "none of 100 ..."
+    tries: ClassVar[int]  # how often a sequence is drawn with the same people, until something fits,
+    nothing_fits: ClassVar[str]  # and what the error says if nothing does: "none of 300 ..."
     marker_names: ClassVar[tuple[str, ...]] = ()
 
     frames: tuple[int, int] = (100, 400)  # least and greatest length of a sequence, frames
@@ -91,13 +94,14 @@ class SequenceGenerator(SetGenerator):
 
         It has a `camera` where that is not the set's. Raises InputError if nothing fits.
         """
-        people = cache(lambda number: self.person(self.first_person(index) + number))
-        for attempt in range(self.tries):
-            rng = self._rng("sequence", index, attempt)
-            take = self.draw(rng, index, int(rng.integers(*self.frames, endpoint=True)), people)
-            if take is not None:
-                return take
-        raise InputError(f"{self.sequence_name(index)}: none of {self.tries} {self.nothing_fits}")
+        for redrawn in range(PEOPLE_DRAWN):
+            people = cache(lambda number, redrawn=redrawn: self.person(self.first_person(index) + number, redrawn))
+            for attempt in range(self.tries):
+                rng = self._rng("sequence", index, redrawn * self.tries + attempt)
+                take = self.draw(rng, index, int(rng.integers(*self.frames, endpoint=True)), people)
+                if take is not None:
+                    return take
+        raise InputError(f"{self.sequence_name(index)}: none of {PEOPLE_DRAWN * self.tries} {self.nothing_fits}")
 
     def draw(self, rng: np.random.Generator, index: int, frames: int, people: People) -> Any:
         """Draws what `take` returns, where a set does not override that; None if it does not fit."""
@@ -135,8 +139,8 @@ class SequenceGenerator(SetGenerator):
     def noise(self, index: int) -> FilmNoise:
         return FilmNoise(self._seed("noise", index))
 
-    def person(self, subject: int) -> Person:
-        return draw_person(self._rng("person", subject), self.body, "benchmark")
+    def person(self, subject: int, redrawn: int = 0) -> Person:
+        return draw_person(self._rng("person", subject, *filter(None, [redrawn])), self.body, "benchmark")
 
     def manifest_entries(self) -> dict:
         return {"benchmark": self.benchmark.name, "about": self.about, "truth": self.truth}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from stand_ins import film_of, joints_world_m
 
+from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.body.markers import MARKERS, tracked_markers
 from synth.motion.choreography.programmes import Y_POSE_S
@@ -127,3 +128,22 @@ def test_the_trunk_occludes_its_back_from_cameras_in_front(maker, takes):
     for place_m, seen in ((offset_m, "1100"), (-offset_m, "0011"), (np.zeros(3), "1111")):
         tracked = dict(zip(MARKERS, tracked_markers(skin_m, place_m).tolist(), strict=True))
         assert [tracked[name] for name in ("STRN", "CLAV", "T10", "C7")] == [one == "1" for one in seen]
+
+
+def test_people_for_whom_nothing_fits_are_drawn_again(monkeypatch):
+    maker, drawn = EvalSim(benchmark=EvalSimConfig(seed=3)), []
+
+    def draw(self, rng, index, frames, people):
+        drawn.append((people(0).bare_m, rng.random()))
+        return None if len(drawn) < 250 else "take"
+
+    monkeypatch.setattr(EvalSim, "draw", draw)
+    assert maker.take(5) == "take"
+    people, numbers = zip(*drawn, strict=True)
+    assert len(set(numbers)) == len(numbers)  # no motion is tried twice
+    changes = [k for k in range(1, len(people)) if not np.array_equal(people[k], people[k - 1])]
+    assert changes == [100, 200]
+    np.testing.assert_array_equal(people[0], maker.person(maker.first_person(5)).bare_m)
+    monkeypatch.setattr(EvalSim, "draw", lambda *_: None)
+    with pytest.raises(InputError, match="seq_05: none of 300 motions"):
+        maker.take(5)
