@@ -150,7 +150,8 @@ def windows(path: Path, one: Dance, name: str) -> np.ndarray:
 
     Ours lets S_t decide between two matches of a window: here that of its settings before the choice.
     """
-    sources = sorted((Path(kpopnet.__file__).parent / "dance").glob("*.py"))
+    folder = Path(kpopnet.__file__).parent / "dance"
+    sources = [*sorted(folder.rglob("*.py")), *sorted(folder.glob("*.json"))]
     settings = hashlib.sha256(repr((BETAS, SCORERS[name])).encode() + b"".join(one.read_bytes() for one in sources))
     kept = path.with_name(f"{path.stem}.{name}.{settings.hexdigest()[:10]}.windows.npz")
     if not kept.exists():

@@ -418,7 +418,7 @@ export default {
   "the camera stopped: {reason}": "die Kamera ist stehen geblieben: {reason}",
   "no OAK camera starts ({reason}); plug it in": "keine OAK-Kamera startet ({reason}); schließe sie an",
   "the camera does not start ({reason})": "die Kamera startet nicht ({reason})",
-  "another camera was plugged in; start the dance again": "eine andere Kamera wurde angeschlossen; starte den Tanz neu",
+  "another camera was plugged in; start again": "eine andere Kamera wurde angeschlossen; starte neu",
   "standard input": "Standardeingabe",
   "{name} sends nothing; look at the program and the camera behind it": "{name} sendet nichts; prüfe das Programm und die Kamera dahinter",
   "{name} has ended; start the program that sends depth again": "{name}: Übertragung beendet; starte das Programm neu, das die Tiefe sendet",

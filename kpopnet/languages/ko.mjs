@@ -418,7 +418,7 @@ export default {
   "the camera stopped: {reason}": "카메라가 멈췄어요: {reason}",
   "no OAK camera starts ({reason}); plug it in": "OAK 카메라가 시작되지 않아요 ({reason}). 연결해 주세요",
   "the camera does not start ({reason})": "카메라가 시작되지 않아요 ({reason})",
-  "another camera was plugged in; start the dance again": "다른 카메라가 연결됐어요. 춤을 다시 시작하세요",
+  "another camera was plugged in; start again": "다른 카메라가 연결됐어요. 다시 시작하세요",
   "standard input": "표준 입력",
   "{name} sends nothing; look at the program and the camera behind it": "아무것도 오지 않아요 ({name}). 보내는 프로그램과 그 카메라를 확인하세요",
   "{name} has ended; start the program that sends depth again": "전송이 끝났어요 ({name}). 깊이를 보내는 프로그램을 다시 시작하세요",

@@ -130,7 +130,7 @@ class RealSenseCamera:
             sensor, profile = min(offers, key=lambda offer: _unusual(offer[1]))
             camera = _camera_of(profile, NAME)
             if self.camera not in (None, camera):
-                raise InputError("another camera was plugged in; start the dance again")
+                raise InputError("another camera was plugged in; start again")
             queue = self._library.frame_queue(1)
             sensor.open(profile)
             try:

@@ -94,7 +94,8 @@ class PoseCache:
         teacher = dance.teacher()
         digest = hashlib.sha256(teacher.joints_m.tobytes() + teacher.times_s.tobytes())
         package = Path(kpopnet.__file__).resolve().parent
-        for source in (package / "teacher" / "posing.py", *sorted((package.parent / "synth").rglob("*.py"))):
+        synth = package.parent / "synth"
+        for source in (package / "teacher" / "posing.py", *sorted(synth.rglob("*.py")), *sorted(synth.rglob("*.npz"))):
             digest.update(source.read_bytes())
         path = self.folder / f"{dance.name}.teacher.{digest.hexdigest()[:10]}.npz"
         if not path.is_file():

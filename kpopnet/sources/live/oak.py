@@ -105,5 +105,5 @@ class OakCamera:
         camera = Camera.from_numbers((fx, fy, cx, cy, frame.getWidth(), frame.getHeight()), f"{NAME}: intrinsics")
         view = optics(camera, seen.getDistortionCoefficients(), str(seen.getDistortionModel()), NAME).view()
         if self.camera not in (None, view.camera):
-            raise InputError("another camera was plugged in; start the dance again")
+            raise InputError("another camera was plugged in; start again")
         self._view, self.camera = view, view.camera
