@@ -55,10 +55,11 @@ def leaves(found, keys=()):
         yield "/".join(keys)
 
 
-def test_earlier_figures_are_kept_only_where_a_page_shows_them():
+@pytest.mark.parametrize("file", ["earlier", "before_upright"])
+def test_earlier_figures_are_kept_only_where_a_page_shows_them(file):
     shown = {reference for page in results.PAGES for _, reference in results.referenced(page.read_text())}
-    kept = {name: one for name, one in results.load("earlier").items() if name not in ("commit", "date", "commands")}
-    assert {f"earlier:{path}" for path in leaves(kept)} <= shown
+    kept = {name: one for name, one in results.load(file).items() if name not in ("what", "commit", "date", "commands")}
+    assert {f"{file}:{path}" for path in leaves(kept) if not path.endswith("/commit")} <= shown
 
 
 def test_a_figure_is_held_to_its_digits():

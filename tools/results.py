@@ -38,16 +38,7 @@ BLOCK = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 REFERENCE = re.compile(r"((?:(?<=[\s(\[])-)?\b\d+(?:\.\d+)?)((?: (?:%|cm|points))?)<!-- ([\w./:, -]+:[\w./:, -]+) -->")
 """A figure, its unit, and the number of a file that it shows."""
 
-KEPT = (
-    "map_10cm",
-    "map_14",
-    "mean_error_cm",
-    "average_pose_error_no_offset_cm",
-    "labelled_joints",
-    "missing_joints",
-    "sees_future",
-    "interval",
-)
+KEPT = ("map_10cm", "mean_error_cm", "labelled_joints", "missing_joints", "interval")
 """Figures of an estimator that a row's file keeps, beside those by group of joints, by heading, in the labels' definition and,
 where people are the unit, by person."""
 
