@@ -1,14 +1,12 @@
 """Computes figures and hashes that a refactoring must not change: shard, training, joints, scores.
 
-    python tools/fingerprint.py /tmp/fingerprint           # writes /tmp/fingerprint/fingerprint.json
-    python tools/fingerprint.py /tmp/fingerprint --demo    # runs `make demo`'s commands too, 13 minutes on 2 cores
+    python tools/fingerprint.py /tmp/fingerprint    # writes /tmp/fingerprint/fingerprint.json
 
 Run from the root of a checkout with `PYTHONPATH=.`; `compare_checkouts.py` does so for two checkouts and compares them.
 """
 
 import argparse
 import hashlib
-import json
 import shutil
 import subprocess
 import sys
@@ -28,8 +26,6 @@ from kpopnet.runtime.atomic_write import write_json
 
 SEQUENCES = 4
 DANCES = 5
-CLOCKED = ("fps", "seconds", "made", "git", "extraction_fps", "packages")
-"""Keys of metrics.json that depend on the machine or on the day."""
 
 
 def run(*words: str) -> None:
@@ -117,32 +113,9 @@ def scores(folder: Path, checkpoint: Path) -> dict[str, list[float]]:
     }  # fmt: skip
 
 
-def demo(folder: Path) -> dict[str, object]:
-    """metrics.json of `make demo`'s commands, without what depends on machine and day."""
-    data = folder / "data"
-    run("-m", "synth", "preset=demo", f"out={data}")
-    run(
-        "train.py", f"data.train={data}/train", f"data.validation={data}/validation", "training=demo", "model.crop_px=64",
-        f"hydra.run.dir={folder}/training",
-    )  # fmt: skip
-    run("evaluate.py", f"checkpoint={folder}/training/best", f"benchmark.path={data}/test", f"hydra.run.dir={folder}")
-    return dict(flattened(json.loads((folder / "metrics.json").read_text()), "demo"))
-
-
-def flattened(value: object, name: str):
-    """(name, leaf) of nested dicts, without settings and what `CLOCKED` names."""
-    if not isinstance(value, dict):
-        yield name, value
-        return
-    for key, one in value.items():
-        if key not in (*CLOCKED, "config", "config_hash", "files"):
-            yield from flattened(one, f"{name}/{key}")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="for everything made; emptied first")
-    parser.add_argument("--demo", action="store_true", help="run make demo's commands too")
     given = parser.parse_args()
     folder = given.folder.resolve()
     shutil.rmtree(folder, ignore_errors=True)
@@ -153,8 +126,6 @@ def main() -> None:
     for name in ("eval_sim", "smmc10_sim"):
         found |= joints(name, folder, checkpoint)
     found |= scores(folder, checkpoint)
-    if given.demo:
-        found |= demo(folder / "demo")
     write_json(folder / "fingerprint.json", found)
 
 
