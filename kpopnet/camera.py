@@ -228,6 +228,14 @@ def subsampled(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]
     return fewer_m, Camera(camera.fx / apart, camera.fy / apart, *middle, fewer_m.shape[-1], fewer_m.shape[-2])
 
 
+def image_in_metres(depth: np.ndarray, camera: Camera) -> np.ndarray:
+    """`depth_in_metres` of one (H, W) image; raises InputError for a sequence, too."""
+    depth_m = depth_in_metres(depth, camera)
+    if depth_m.ndim != 2:
+        raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}; pass one image per call")
+    return depth_m
+
+
 def sequence_in_metres(depth: np.ndarray, camera: Camera) -> np.ndarray:
     """`depth_in_metres` of a (T, H, W) sequence."""
     check_camera(camera)

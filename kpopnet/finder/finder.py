@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.camera import Camera, check_camera, depth_in_metres
+from kpopnet.camera import Camera, check_camera, image_in_metres
 from kpopnet.data.canvas import STRIDE, Reduced, reduced
-from kpopnet.errors import InputError, check_between
+from kpopnet.errors import check_between
 from kpopnet.estimator import FRAME_S
 from kpopnet.finder.following import UNKNOWN, Followed
 from kpopnet.finder.masks import open_masks, refine_masks
@@ -71,9 +71,7 @@ class PersonFinder:
 
     def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
         """The people in the next image, as `kpopnet.pose.extraction.Extractor`: (H, W) metres, 0 where nothing was measured."""
-        depth_m = depth_in_metres(depth_m, self.camera)
-        if depth_m.ndim != 2:
-            raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}; pass one image per call")
+        depth_m = image_in_metres(depth_m, self.camera)
         given = self.config.least_certainty
         least = FOLLOWED_CERTAINTY if given is None else min(FOLLOWED_CERTAINTY, given)
         candidates = candidates_in(self._network, depth_m, self.camera, least)

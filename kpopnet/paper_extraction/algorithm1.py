@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kpopnet.camera import Camera, check_camera, depth_in_metres
+from kpopnet.camera import Camera, check_camera, image_in_metres
 from kpopnet.errors import InputError
 from kpopnet.human import Human
 from kpopnet.paper_extraction.floor import find_floor, remove_floor
@@ -71,9 +71,7 @@ class PaperExtractor:
         It is (H, W) float metres or uint16 millimetres, 0 where nothing was measured, and neither changed nor kept. Its time is
         not used: the paper counts images. Raises InputError unless it is one depth image of the camera's size.
         """
-        depth_m = depth_in_metres(depth_m, self.camera)
-        if depth_m.ndim != 2:
-            raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}; pass one image per call")
+        depth_m = image_in_metres(depth_m, self.camera)
         if not depth_m.any():
             return []
         config = self.config

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kpopnet.camera import Camera, check_camera, depth_in_metres, subsampled
+from kpopnet.camera import Camera, check_camera, image_in_metres, subsampled
 from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.estimator import FRAME_S, Estimator
 from kpopnet.human import Looker
@@ -192,7 +192,4 @@ class PoseEstimator:
 
 def _needed_image(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
     check_camera(camera)
-    depth_m = depth_in_metres(depth, camera)
-    if depth_m.ndim != 2:
-        raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}")
-    return subsampled(depth_m, camera)
+    return subsampled(image_in_metres(depth, camera), camera)
