@@ -25,6 +25,7 @@ from kpopnet.dance.words.moments import (
     clock,
     from_to,
     lateness,
+    phrase_length_s,
     posture_moments,
     posture_text,
     span,
@@ -97,7 +98,7 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     out.
     """
     unseen, danced_s, middle = list(_unseen(score)), span(score, slice(None)), score.windows.middle_s
-    phrase_s = 8 * beat_s if beat_s else PHRASE_S
+    phrase_s = phrase_length_s(beat_s)
     phrases_s = _phrases_s(score, phrase_s, on_beat=bool(beat_s))
     moments, phrases = _moments(score, phrases_s, beat_s), []
     for start_s, end_s in phrases_s:

@@ -27,7 +27,7 @@ from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import ABSOLUTE_S, Performance, from_absolute_clocks, off_by
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
-from kpopnet.dance.words.moments import PHRASE_S
+from kpopnet.dance.words.moments import phrase_length_s
 from kpopnet.errors import InputError, check_between
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.dances.score_text import score_json, score_notes, score_text
@@ -39,7 +39,7 @@ from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.skeleton import JOINT_NAMES, Joint
-from kpopnet.teacher.library import PHRASE_COUNTS, TeacherBody
+from kpopnet.teacher.library import TeacherBody
 from kpopnet.teacher.live.words import score_result
 from kpopnet.teacher.posing import at_rate, posed
 from kpopnet.teacher.result_page import result_page
@@ -183,7 +183,7 @@ def main() -> None:
         told = [Said("total {total} of 100: {weights}", total=f"{total['total']:.0f}", weights=shares)]
     title = Said("{learner} after {teacher}", learner=given.learner.name, teacher=given.teacher.name)
     result = score_result(score, advice, wanted, beat_s)
-    phrase_s = PHRASE_COUNTS * beat_s if beat_s else PHRASE_S
+    phrase_s = phrase_length_s(beat_s)
     page = result_page(title, TeacherBody(**teacher_arrays()), (teacher, learner), result, notes, phrase_s, given.lang)
     files = {"teacher": str(given.teacher), "learner": str(given.learner)}
     content = score_json(score, advice, diagnosis, beat_s) | plain(total)

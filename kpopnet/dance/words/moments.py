@@ -17,8 +17,8 @@ from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.window import PARTS, part_of_angles
 from kpopnet.languages import Said
 
-PHRASE_S = 4.0
-"""Length of a phrase without a given beat: eight counts at 120 a minute."""
+PHRASE_COUNTS, PHRASE_S = 8, 4.0
+"""A phrase in counts, and in seconds where no beat is given: as many at 120 a minute."""
 
 MIN_ERROR_DEG = 10.0
 """Smaller differences are no faults: teachers differ by as much from themselves."""
@@ -51,6 +51,11 @@ _WORDS = {
 }
 _WORDS["right_elbow_azimuth"] = ("right shoulder", "too far across the front", "too far out or back")  # its sign is mirrored
 """An angle's name to the joint that it bends, and the words for a learner's angle less and greater than the teacher's."""
+
+
+def phrase_length_s(beat_s: float | None) -> float:
+    """The length of a phrase in seconds, by the seconds of a beat; None is not known."""
+    return PHRASE_COUNTS * beat_s if beat_s else PHRASE_S
 
 
 @dataclass(frozen=True)
