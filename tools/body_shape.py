@@ -113,13 +113,13 @@ class BodySurface(torch.nn.Module):
         return (off_axis_m - radii_m[:, 0] - along * (radii_m[:, 1] - radii_m[:, 0])).min(dim=1).values
 
 
-def fit_surface(frames: list[Frame], steps: int = TRAINING_STEPS, seed: int = 0) -> BodySurface:
+def fit_surface(frames: list[Frame]) -> BodySurface:
     """Fits the body's surface to the points of all frames, starting from that of `kpopnet.geometry.body`."""
     surface = BodySurface(1 + max(frame.person for frame in frames))
     optimiser = torch.optim.Adam(surface.parameters(), lr=LEARNING_RATE_M)
-    schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda step: 1 - step / steps)
-    generator = np.random.default_rng(seed)
-    for _ in trange(steps, unit="step", desc="body shape"):
+    schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda step: 1 - step / TRAINING_STEPS)
+    generator = np.random.default_rng(0)
+    for _ in trange(TRAINING_STEPS, unit="step", desc="body shape"):
         squared = [surface.signed_distance_m(frames[k]).square() for k in generator.integers(len(frames), size=BATCH_SIZE)]
         loss = torch.stack([(s * ROBUST_SCALE_M**2 / (ROBUST_SCALE_M**2 + s)).mean() for s in squared]).mean()
         loss = loss + VARIATION_WEIGHT * surface.thickness_offset_m.square().mean()

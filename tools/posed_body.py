@@ -122,8 +122,8 @@ class Frames:
     silhouette, and distance of every pixel from it, 0 inside.
     """
 
-    def __init__(self, depth_m: np.ndarray, camera: Camera, labels_m: np.ndarray, seed: int = 0) -> None:
-        rng = np.random.default_rng(seed)
+    def __init__(self, depth_m: np.ndarray, camera: Camera, labels_m: np.ndarray) -> None:
+        rng = np.random.default_rng(0)
         clouds = [camera.points(image)[image > 0] for image in depth_m]
         self.points_m = torch.tensor(np.stack([cloud[rng.integers(len(cloud), size=POINTS)] for cloud in clouds])).float()
         self.labels_m = torch.tensor(labels_m).float()
@@ -141,7 +141,7 @@ class Frames:
         return sampled[:, 0, 0]
 
 
-def fit_body(depth_m: np.ndarray, camera: Camera, labels_m: np.ndarray, label_weight: float = LABEL_WEIGHT) -> FittedBody:
+def fit_body(depth_m: np.ndarray, camera: Camera, labels_m: np.ndarray) -> FittedBody:
     """Fits the body of one person to N frames: (N, H, W) metres, 0 outside the person, and (N, 15, 3) labels, all known."""
     frames = Frames(depth_m, camera, labels_m)
     body = PosedBody(frames.labels_m[:, [9, 10]].mean(1), _facing(frames.labels_m))
@@ -160,7 +160,7 @@ def fit_body(depth_m: np.ndarray, camera: Camera, labels_m: np.ndarray, label_we
             if (step - APPROACH_STEPS) % REDEFINE_STEPS == 0:
                 targets_m = _redefined(frames.labels_m, joints_m)
             label = (joints_m - targets_m).square().sum(-1)
-            loss = loss + label_weight * _robust(label, LABEL_SCALE_M).mean()
+            loss = loss + LABEL_WEIGHT * _robust(label, LABEL_SCALE_M).mean()
             depth_loss, surface_m = _misfit(body, frames, skin_m)
             loss = loss + depth_loss
         optimiser.zero_grad()

@@ -136,18 +136,16 @@ def _forward_kinematics(quats, root_m, offsets_m, parents, rotated, points):
                 rotated[n, j, 3] = w * d + x * c - y * b + z * a
 
 
-def forward_kinematics(
-    quats: np.ndarray, root_m: np.ndarray, offsets_m: np.ndarray = REST_OFFSETS_M
-) -> tuple[np.ndarray, np.ndarray]:
+def forward_kinematics(quats: np.ndarray, root_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(N, 28, 3) float64 positions of the points in metres and (N, 23, 4) float64 world rotations of the joints.
 
-    From local rotations (N, 23, 4), positions of Hips (N, 3) and rest offsets (28, 3), metres.
+    Of the mean skeleton, from local rotations (N, 23, 4) and positions of Hips (N, 3), metres.
     """
     quats = np.ascontiguousarray(quats, np.float64)
     rotated = np.empty_like(quats)
     points = np.empty((len(quats), NUM_POINTS, 3))
     root_m = np.ascontiguousarray(root_m, np.float64)
-    _forward_kinematics(quats, root_m, np.ascontiguousarray(offsets_m, np.float64), PARENTS, rotated, points)
+    _forward_kinematics(quats, root_m, np.ascontiguousarray(REST_OFFSETS_M, np.float64), PARENTS, rotated, points)
     return points, rotated
 
 

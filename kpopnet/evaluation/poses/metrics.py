@@ -82,13 +82,13 @@ def fraction_within(errors_m: np.ndarray, threshold_m: float) -> float:
     return ratio((errors_m[labelled] < threshold_m).sum(), labelled.sum())
 
 
-def area_under_curve(errors_m: np.ndarray, end_m: float = CURVE_END_M) -> float:
-    """The area under `fraction_within` for thresholds from 0 to end_m, divided by that of a perfect estimator: 0..1.
+def area_under_curve(errors_m: np.ndarray) -> float:
+    """The area under `fraction_within` for thresholds from 0 to CURVE_END_M, divided by that of a perfect estimator: 0..1.
 
-    Exact, without sampling: a joint with error e is below the threshold for a fraction max(0, 1 - e / end_m) of the range.
+    Exact, without sampling: a joint with error e is below the threshold for max(0, 1 - e / CURVE_END_M) of the range.
     """
     labelled = errors_m[~np.isnan(errors_m)]
-    return ratio(np.maximum(0, 1 - labelled / end_m).sum(), labelled.size)
+    return ratio(np.maximum(0, 1 - labelled / CURVE_END_M).sum(), labelled.size)
 
 
 def mean_error_m(errors_m: np.ndarray) -> float:
