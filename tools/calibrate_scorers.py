@@ -39,7 +39,7 @@ from kpopnet.dance.scoring import SCORERS, Comparison, Scorer, TimeGrid, Windows
 from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.ranking import is_ordered, wilson_interval
 from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap, interval_of
-from kpopnet.runtime.atomic_write import atomic_path, write_json
+from kpopnet.runtime.atomic_write import write_json, write_npz
 from kpopnet.runtime.hydra_app import user_errors
 from kpopnet.runtime.provenance import git_revision
 from synth.dances.faults import ENDS
@@ -121,8 +121,7 @@ def dances(folder: Path, name: str, of: DanceSet, recordings: str | None) -> dic
 
 
 def _save(path: Path, arrays: dict[str, Any]) -> None:
-    with atomic_path(path) as part, part.open("wb") as file:
-        np.savez(file, **arrays)
+    write_npz(path, **arrays)
 
 
 def performed(joints_m: np.ndarray) -> Performance:

@@ -27,7 +27,7 @@ from kpopnet.data.made_sets import claim_folder
 from kpopnet.errors import InputError
 from kpopnet.networks.lifting import READ, Lifting, Sighting
 from kpopnet.rotations import about, multiply
-from kpopnet.runtime.atomic_write import atomic_path, write_json
+from kpopnet.runtime.atomic_write import atomic_path, write_json, write_npz
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
@@ -218,8 +218,7 @@ def main() -> None:
             for index in tqdm(range(given.count), "films", unit="film"):
                 path = given.folder / f"film_{index:05d}.npz"
                 if not path.exists():
-                    with atomic_path(path) as part, part.open("wb") as file:
-                        np.savez_compressed(file, **film(index, recordings, browser))
+                    write_npz(path, **film(index, recordings, browser))
         return
     if given.out is None:
         parser.error("fit needs --out")

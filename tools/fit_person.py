@@ -34,7 +34,7 @@ from kpopnet.human import Human
 from kpopnet.networks import PERSON, WEIGHTS
 from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.network import PersonHead, PoseNetwork
-from kpopnet.runtime.atomic_write import atomic_path, write_json
+from kpopnet.runtime.atomic_write import atomic_path, write_json, write_npz
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import Joint
@@ -96,8 +96,7 @@ class Looks:
             batch = torch.from_numpy(np.stack(crops))
             maps = self.network.encoder(batch)
             features = PersonHead.features(maps[-1], self.network.head(maps).confidence_logit)
-        with atomic_path(self.path(number)) as part, part.open("wb") as file:
-            np.savez(file, features=features.numpy(), certainty=certainty, kinds=kinds)
+        write_npz(self.path(number), features=features.numpy(), certainty=certainty, kinds=kinds)
 
     def claim(self) -> None:
         """Raises InputError where the folder holds files of another network, finder or seed."""

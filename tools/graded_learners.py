@@ -24,7 +24,7 @@ from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.over_time import Measured
 from kpopnet.pose.person import DetectedPerson
 from kpopnet.rotations import conjugate, multiply, rotate, turns
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_npz
 from kpopnet.runtime.endings import user_errors
 from kpopnet.weights import SHA256
 from synth.dances.faults import KEPT_AMPLITUDE, amplitude
@@ -138,8 +138,7 @@ def main() -> None:
                 path = given.out / f"{dance_name(dance)}_{fault}_{size}.npz"
                 if path.exists():
                     continue
-                with atomic_path(path) as part, part.open("wb") as file:
-                    np.savez(file, **learners.learner(dance, number + offset, fault, size))
+                write_npz(path, **learners.learner(dance, number + offset, fault, size))
                 print(path.name, flush=True)
         number += len(chosen)
 

@@ -37,7 +37,7 @@ from kpopnet.dance.joint_files.mediapipe import WEBCAM  # noqa: E402
 from kpopnet.dance.performance import Performance  # noqa: E402
 from kpopnet.dance.scoring import DanceScore, score_dance  # noqa: E402
 from kpopnet.pose import PoseEstimator  # noqa: E402
-from kpopnet.runtime.atomic_write import atomic_path, write_json  # noqa: E402
+from kpopnet.runtime.atomic_write import write_json, write_npz  # noqa: E402
 from kpopnet.runtime.provenance import measured_by  # noqa: E402
 from kpopnet.teacher.library import taught_dance  # noqa: E402
 from kpopnet.teacher.live.lesson import Lesson  # noqa: E402
@@ -141,8 +141,7 @@ def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseE
             found["depth"].append(by_depth[0].joints_camera_m if by_depth else np.full((15, 3), np.nan))
             found["depth_seen"].append(by_depth[0].confidence if by_depth else np.zeros(15))
         arrays = {name: np.array(one, np.float32) for name, one in found.items()}
-        with atomic_path(path) as part, part.open("wb") as file:
-            np.savez(file, teacher=taught.joints_m[: frames.stop], times=np.array(frames) / made.fps, **arrays)
+        write_npz(path, teacher=taught.joints_m[: frames.stop], times=np.array(frames) / made.fps, **arrays)
     with np.load(path) as stored:
         teacher = Performance(stored["teacher"], np.arange(len(stored["teacher"])) / 30)
         true, by_depth = (Performance(stored[name], stored["times"], stored.get(f"{name}_seen")) for name in ("true", "depth"))

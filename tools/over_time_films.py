@@ -20,7 +20,7 @@ from kpopnet.human import Human, Look
 from kpopnet.networks import WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.person import DetectedPerson
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_npz
 from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import MIRROR
 from kpopnet.weights import SHA256
@@ -169,8 +169,7 @@ def main() -> None:
         if (film := films.film(index)) is None:
             print(f"film {index}: no motion fits a room", flush=True)
             continue
-        with atomic_path(path) as part, part.open("wb") as file:
-            np.savez(file, **film)
+        write_npz(path, **film)
         print(f"film {index}: {len(film['times_s'])} images", flush=True)
 
 

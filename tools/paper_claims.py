@@ -29,7 +29,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.paper_tracker.algorithm2 import Frame, State, candidates_of, track_frame
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig, on_surface
 from kpopnet.pose.extraction import extract_person
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import atomic_path, write_npz
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES, NUM_JOINTS, PAPER_JOINTS, Joint
 from kpopnet.viz.drawing import (
@@ -78,14 +78,13 @@ def make_films(folder: Path) -> None:
         clean = list(maker.studio.render(take, range(len(take))))
         person_m, room_m = np.array([one.person_m for one in clean]), clean[0].room_m
         visible_m = np.where((room_m == 0) | (person_m <= room_m), person_m, np.float32(0))  # where the room does not hide them
-        with atomic_path(path) as part, part.open("wb") as file:
-            np.savez_compressed(
-                file,
-                person=np.rint(1e4 * visible_m).astype(np.uint16),
-                joints_m=np.array([one.joints_camera_m for one in clean]),
-                room_m=room_m,
-                kind=maker.kind(index),
-            )
+        write_npz(
+            path,
+            person=np.rint(1e4 * visible_m).astype(np.uint16),
+            joints_m=np.array([one.joints_camera_m for one in clean]),
+            room_m=room_m,
+            kind=maker.kind(index),
+        )
         print(path, maker.kind(index), flush=True)
 
 

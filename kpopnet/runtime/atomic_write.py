@@ -10,8 +10,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     import h5py
+    from numpy.typing import ArrayLike
 
 MAX_NAME_BYTES = 255
 _NUMBERS = itertools.count()
@@ -40,6 +43,12 @@ def write_json(path: Path, content: Any, allow_nan: bool = True) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(path) as part:
         part.write_text(json.dumps(content, indent=1, allow_nan=allow_nan) + "\n")
+
+
+def write_npz(path: Path, **arrays: "ArrayLike") -> None:
+    """Writes arrays by name into a compressed npz file, whole or not at all."""
+    with atomic_path(path) as part, part.open("wb") as file:
+        np.savez_compressed(file, **arrays)
 
 
 def remove_unfinished(folder: Path, pattern: str | None = None) -> None:

@@ -17,17 +17,18 @@ import numpy as np
 from kpopnet.dance.noise.table import SEEN
 from kpopnet.dance.performance import Performance, off_by
 from kpopnet.dance.scoring import check_free, check_weights
+from kpopnet.dance.words.moments import phrase_length_s
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.networks import WEIGHTS
-from kpopnet.runtime.atomic_write import atomic_path, claim
+from kpopnet.runtime.atomic_write import claim, write_npz
 from kpopnet.runtime.input_files import ArraySchema, check_names, expect, parse_json, read_npz, settings_from
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.weights import SHA256
 
 DANCES, TRIES, SEEN_TEACHERS = "dances", "tries", "seen"
 IDENTITY = re.compile("[a-z0-9][a-z0-9_-]{0,63}")
-PHRASE_COUNTS, MOVE_COUNTS = 8, 4
+MOVE_COUNTS = 4
 QUAT_SCALE = 32767
 MAX_PLACE_M = 1000.0
 MOST_DANCERS = 32
@@ -86,7 +87,7 @@ class About:
 
     @property
     def phrase_s(self) -> float:
-        return PHRASE_COUNTS * self.beat_s
+        return phrase_length_s(self.beat_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,8 +228,11 @@ class Library:
     def write_seen(self, identity: str, dance: TaughtDance, errors_m: list[np.ndarray]) -> None:
         """Writes by how much the estimator SEEN_AS is off of each dancer of a dance, (T, 15, 3) metres."""
         (self.folder / SEEN_TEACHERS).mkdir(parents=True, exist_ok=True)
-        with atomic_path(self.folder / SEEN_TEACHERS / f"{identity}.npz") as part, part.open("wb") as file:
-            np.savez_compressed(file, errors_m=np.stack(errors_m).astype(np.float16), of=np.array(_digest(dance.dancers)))
+        write_npz(
+            self.folder / SEEN_TEACHERS / f"{identity}.npz",
+            errors_m=np.stack(errors_m).astype(np.float16),
+            of=np.array(_digest(dance.dancers)),
+        )
 
     def add(self, dance: TaughtDance) -> str:
         """Writes a dance of the user's own, and returns its identity."""
@@ -254,8 +258,7 @@ class Library:
         for name, as_stored in zip(_MOVED, (np.float32, stored_quats, np.float32), strict=True):
             moved = as_stored(np.stack([getattr(one, name) for one in dance.dancers]))
             arrays |= {name: moved[0], f"others_{name}": moved[1:]}
-        with atomic_path(self.folder / DANCES / f"{identity}.npz") as part, part.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+        write_npz(self.folder / DANCES / f"{identity}.npz", **arrays)
 
 
 def stored_quats(quats: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_path, claim, remove_unfinished
+from kpopnet.runtime.atomic_write import atomic_path, claim, remove_unfinished, write_npz
 from kpopnet.runtime.input_files import ArraySchema, expect, read_json, read_npz
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.teacher.library import IDENTITY
@@ -50,8 +50,7 @@ class Tries:
         while not claim(place / f"{(name := datetime.now().strftime('%Y%m%d-%H%M%S-%f')[:-3])}.npz"):
             time.sleep(0.002)
         try:
-            with atomic_path(place / f"{name}.npz") as part, part.open("wb") as file:
-                np.savez_compressed(file, **arrays)
+            write_npz(place / f"{name}.npz", **arrays)
             with atomic_path(place / f"{name}.json") as part:
                 part.write_text(json.dumps(result | {"session": name}, allow_nan=False, ensure_ascii=False), encoding="utf-8")
         except BaseException:  # joints without a result could not be deleted
