@@ -84,6 +84,12 @@ def test_the_cause_of_a_phrase_stands_before_its_joints(name):
         assert not [one for one in found.phrases[2].moments if one.part not in ("phrase", "timing")]
 
 
+def test_who_never_begins_stands_still_and_is_not_late():
+    teacher_m = dance_joints_m(1, 16.0)
+    moments = told(made.held(teacher_m, 0, 16), teacher_m=teacher_m).moments
+    assert {one.direction for one in moments if one.part == "phrase"} == {"stood still"}
+
+
 def test_one_wrong_limb_beside_one_that_is_a_little_off_is_not_something_else():
     """The right arm of a dancer whose left arm hangs may have 80 through a camera."""
     teacher_m = dance_joints_m(1, 16.0)
