@@ -153,10 +153,9 @@ class StageScore(NamedTuple):
             long = [run for run in runs(size >= dimension.mentioned) if run.stop - run.start >= LEAST_S * FPS]
             if long:
                 run = max(long, key=lambda one: size[one].sum())
-                typical = np.median(errors[run], axis=0)
-                component = int(abs(typical).argmax())
-                words = dimension.words[component][int(typical[component] > 0)]
-                amount = float(np.linalg.norm(typical))
+                component = int(np.median(abs(errors[run]), axis=0).argmax())
+                words = dimension.words[component][int(np.median(errors[run, component]) > 0)]
+                amount = float(np.median(size[run]))  # errors of both signs must not cancel each other
                 degrees, metres = f"{math.degrees(amount):.0f}", f"{amount * self.length_m:.1f}"
                 shown = Said("{degrees}°", degrees=degrees) if dimension.is_direction else Said("{metres} m", metres=metres)
                 yield run.start / FPS, Said("{amount} {word}", amount=shown, word=Said(words))

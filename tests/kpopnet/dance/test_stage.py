@@ -134,3 +134,10 @@ def test_what_is_most_wrong_is_said_in_words():
     remarks = {str(text): at_s for at_s, text in score_dance(performed(TEACHER_M), performed(learner_m)).stage_remarks()}
     assert set(remarks) == {"0.8 m too far left", "90° turned to the right"}
     assert all(abs(at_s - FAULT_S[0]) < 0.3 for at_s in remarks.values())
+
+
+def test_who_turns_round_and_round_is_told_how_far_though_left_and_right_meet_at_the_back():
+    learner_m = turned(TEACHER_M, np.array([0, 1.0, 0]), np.linspace(0, 4 * np.pi, len(TEACHER_M)))
+    remarks = [str(text) for _, text in score_dance(performed(TEACHER_M), performed(learner_m)).stage_remarks()]
+    (told,) = [text for text in remarks if "turned to the" in text]
+    assert 90 < int(told.split("°")[0]) < 150
