@@ -22,7 +22,8 @@ import hydra
 from hydra.conf import HydraConf
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import MissingConfigException
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException, MissingConfigException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -76,6 +77,7 @@ def entry_point(
                 print("Settings (NAME=VALUE; --cfg job prints every value, --hydra-help Hydra's own options):\n")
                 print(as_text(dict(ChainMap(*reversed(_group_help.values()), settings(schema)))))
                 return
+            sys.argv[1:] = map(readable, given)
             announce_compilation()
             if int(os.environ.get("RANK", "0")) > 0:
                 sys.argv += OTHER_RANKS_OVERRIDES
@@ -93,6 +95,17 @@ def entry_point(
         return program
 
     return decorate
+
+
+def readable(override: str) -> str:
+    """An override, its value in quotes where Hydra's grammar cannot read it without: a path in Korean, or with brackets."""
+    name, _, value = override.partition("=")
+    quoted = "{}='{}'".format(name, value.replace("'", r"\'"))
+    for one in (override, quoted) if value and value[0] not in "[{'\"" and not name.startswith("-") else ():
+        with contextlib.suppress(HydraException):
+            OverridesParser.create().parse_override(one)
+            return one
+    return override
 
 
 def _unknown_choice(error: MissingConfigException, folder: Path) -> Exception:

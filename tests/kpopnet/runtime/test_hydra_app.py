@@ -3,17 +3,38 @@
 from dataclasses import asdict, dataclass, field
 
 import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from kpopnet.errors import InputError
 from kpopnet.programs.train import NetworkTrainingConfig
 from kpopnet.runtime import hydra_app
-from kpopnet.runtime.hydra_app import as_text, resumed_config, settings, with_comments
+from kpopnet.runtime.hydra_app import as_text, readable, resumed_config, settings, with_comments
 
 
 @pytest.fixture
 def resume(monkeypatch):
     monkeypatch.setattr(hydra_app, "command_line_settings", list)
     return lambda saved: resumed_config(NetworkTrainingConfig(), saved, may_change=("workers",))
+
+
+@pytest.mark.parametrize(
+    ("given", "read"),
+    [
+        ("out=춤/data", "춤/data"),
+        ("out=a (1)/it's", "a (1)/it's"),
+        ("out=a b/c", "a b/c"),
+        ("out='a,b'", "a,b"),
+        ("out=[a,b]", ["a", "b"]),
+        ("out=7", 7),
+    ],
+)
+def test_a_path_needs_no_quotes(given, read):
+    assert OverridesParser.create().parse_override(readable(given)).value() == read
+
+
+@pytest.mark.parametrize("given", ["--cfg", "out=[a", "out='a", "~out", "out="])
+def test_other_words_stay_as_they_are(given):
+    assert readable(given) == given
 
 
 @pytest.mark.parametrize("text", ["x${oc.env:SECRET,none}", "\\${oc.env:SECRET}", "???"])
