@@ -19,6 +19,16 @@ REPORTED_FRAMES = 40
 """From this number of frames without joints on, a warning says so: evaluations warm up with 30."""
 
 
+ROOM_FRACTION, ROOM_M2 = 0.6, 3.0
+"""A frame shows more than one person if more than this fraction of its pixels is measured, and these pixels cover more than
+this area seen from the front: a person's, with wide clothes and arms stretched out, is below 1.5 m2."""
+
+WHOLE_ROOM = (
+    "%s: the depth shows a whole room, where one person and 0 elsewhere is expected: the joints will be wrong; extract the "
+    "person first (kpopnet.pose.extraction.extract_person), or leave out --segmented of kpopnet predict"
+)
+
+
 class Estimate(NamedTuple):
     """Joints of one person over a sequence."""
 
@@ -144,3 +154,11 @@ class StartedEstimator(Estimator, Protocol):
 def starts_from_label(estimator: Estimator) -> bool:
     """Whether the estimator must be given a ground-truth pose."""
     return isinstance(estimator, StartedEstimator) and estimator.starts_from_label
+
+
+def shows_a_room(depth_m: np.ndarray, camera: Camera) -> bool:
+    """Whether (H, W) depth in metres shows much more than one person."""
+    if np.count_nonzero(depth_m) <= ROOM_FRACTION * depth_m.size:
+        return False
+    area_m2 = float(np.square(depth_m, dtype=np.float64).sum()) / (camera.fx * camera.fy)
+    return area_m2 > ROOM_M2

@@ -8,7 +8,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.data.cube import Cube, crop, person_centre
-from kpopnet.estimator import Estimate
+from kpopnet.estimator import WHOLE_ROOM, Estimate, shows_a_room
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.backend import open_network
 from kpopnet.ridge import RidgeConfig, ridge_probability
@@ -25,10 +25,6 @@ Said = tuple[np.ndarray, np.ndarray, np.ndarray | None]
 
 SURER = 0.03
 """The mean confidence in joints by which a crop that was turned has to exceed the crop as it is."""
-
-ROOM_FRACTION, ROOM_M2 = 0.6, 3.0
-"""A frame shows more than one person if more than this fraction of its pixels is measured, and these pixels cover more than
-this area seen from the front: a person's, with wide clothes and arms stretched out, is below 1.5 m2."""
 
 
 class NetworkEstimator:
@@ -58,11 +54,7 @@ class NetworkEstimator:
         """See `kpopnet.estimator.Judge`."""
         if images and not self._warned and shows_a_room(*images[len(images) // 2]):
             self._warned = True
-            log.warning(
-                "%s: the depth shows a whole room, and a network expects one person and 0 elsewhere: its joints will be wrong; "
-                "extract the person first (kpopnet.pose.extraction.extract_person)",
-                self.name,
-            )
+            log.warning(WHOLE_ROOM, self.name)
         result = Estimate.missing(len(images))
         judges, person_logit = False, np.full(len(images), -np.inf, np.float32)
         centres_m = [person_centre(*image) for image in images]
@@ -100,11 +92,3 @@ def seen_upright(network: Callable[[np.ndarray], Said], crops: np.ndarray) -> Sa
                 back = np.linalg.matrix_power([[0, -1], [1, 0]], quarters[row])
                 uvd[row, :, :2], uvd[row, :, 2], confidence[row] = joints[:, :2] @ back.T, joints[:, 2], one
     return uvd, confidence, person
-
-
-def shows_a_room(depth_m: np.ndarray, camera: Camera) -> bool:
-    """Whether (H, W) depth in metres shows much more than one person."""
-    if np.count_nonzero(depth_m) <= ROOM_FRACTION * depth_m.size:
-        return False
-    area_m2 = float(np.square(depth_m, dtype=np.float64).sum()) / (camera.fx * camera.fy)
-    return area_m2 > ROOM_M2

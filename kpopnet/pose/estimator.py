@@ -146,8 +146,9 @@ class PoseEstimator:
         if not seen:
             log.warning(
                 "no person was found in %d image(s): does it show at least half of a person, within about 7 m, and are the "
-                "camera's intrinsics right? For depth that shows nothing but one person: segmented=True",
+                "camera's intrinsics right? %s For depth that shows nothing but one person: segmented=True, or --segmented",
                 len(frames),
+                _how_far(image_in_metres(image, camera)) if frames else "There is no image.",
             )
         chosen = sorted(seen, key=lambda identity: (-seen[identity], identity))[: self.people]
         return [
@@ -188,6 +189,13 @@ class PoseEstimator:
             tracked = self.mode == "tracker"
             self._people[identity] = TrackedPerson(camera) if tracked else DetectedPerson(camera, self.network, self.mode)
         return self._people[identity]
+
+
+def _how_far(depth_m: np.ndarray) -> str:
+    """What tells depth in another unit from a room without people."""
+    if not depth_m.any():
+        return "The last image measures nothing."
+    return f"The last image is {np.median(depth_m[depth_m > 0]):.2f} m away in the median: is its unit right?"
 
 
 def _needed_image(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:

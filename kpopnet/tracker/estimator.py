@@ -1,15 +1,18 @@
 """The tracker as an estimator of joints in depth sequences."""
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import InputError, check_one_of
-from kpopnet.estimator import Estimate, Estimator, Start, track_sequence
+from kpopnet.estimator import WHOLE_ROOM, Estimate, Estimator, Start, shows_a_room, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.tracker.start import AWAITED, WAYS
 from kpopnet.tracker.tracker import Tracker
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -56,5 +59,7 @@ class TrackerEstimator:
     def estimate(self, depth_m: np.ndarray, camera: Camera, start: Start | None = None) -> Estimate:
         """See `kpopnet.estimator.StartedEstimator`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
+        if len(depth_m) and shows_a_room(depth_m[len(depth_m) // 2], camera):
+            log.warning(WHOLE_ROOM, self.name)
         tracker = Tracker(camera, self.config.start, self.model, self.detector)
         return track_sequence(tracker, depth_m, start, AWAITED[self.config.start])

@@ -206,7 +206,7 @@ def frame_times_s(
     if rate is None:
         raise InputError(
             f"{source}: states neither times nor a frame rate; give its frames per second (--teacher-fps or --learner-fps of "
-            "kpopnet score, --fps of kpopnet convert)"
+            "kpopnet score, --fps of kpopnet convert and of kpopnet teach add)"
         )
     if not 1 <= rate <= 1000:
         raise InputError(f"{source}: {rate:g} frames a second; expected 1 to 1000")

@@ -157,7 +157,11 @@ def test_a_person_is_found_in_a_single_image_whatever_their_arms_do():
 
 def test_an_empty_room_gives_an_empty_list_and_a_warning(caplog):
     assert PoseEstimator(Blob()).estimate(np.full((3, 60, 80), 3.0, np.float32), CAMERA) == []
-    assert "no person was found in 3 image(s)" in caplog.text
+    assert (
+        "no person was found in 3 image(s)" in caplog.text and "is 3.00 m away in the median: is its unit right?" in caplog.text
+    )
+    assert PoseEstimator(Blob()).estimate(np.zeros((3, 60, 80), np.uint16), CAMERA) == []
+    assert "The last image measures nothing." in caplog.text
 
 
 def test_the_answers_to_an_image_and_its_mirror_image_are_averaged_side_by_side():

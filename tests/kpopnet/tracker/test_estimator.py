@@ -65,3 +65,8 @@ def test_a_saved_model_is_read(film, tmp_path) -> None:
     assert error_m(estimator.estimate(depth, CAMERA, Start(0, joints[0])).joints_camera_m, joints).mean() < 0.03
     with pytest.raises(InputError, match=r"missing\.json"):
         TrackerEstimator(TrackerEstimatorConfig(model=str(tmp_path / "missing.json")))
+
+
+def test_the_depth_of_a_whole_room_is_told(caplog) -> None:
+    TrackerEstimator().estimate(np.full((2, CAMERA.height, CAMERA.width), 3.0, np.float32), CAMERA)
+    assert "tracker: the depth shows a whole room" in caplog.text
