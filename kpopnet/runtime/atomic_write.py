@@ -14,7 +14,6 @@ import numpy as np
 
 if TYPE_CHECKING:
     import h5py
-    from numpy.typing import ArrayLike
 
 MAX_NAME_BYTES = 255
 _NUMBERS = itertools.count()
@@ -45,7 +44,7 @@ def write_json(path: Path, content: Any, allow_nan: bool = True) -> None:
         part.write_text(json.dumps(content, indent=1, allow_nan=allow_nan) + "\n")
 
 
-def write_npz(path: Path, **arrays: "ArrayLike") -> None:
+def write_npz(path: Path, **arrays: Any) -> None:
     """Writes arrays by name into a compressed npz file, whole or not at all."""
     with atomic_path(path) as part, part.open("wb") as file:
         np.savez_compressed(file, **arrays)
