@@ -140,7 +140,7 @@ class SequenceGenerator(SetGenerator):
         return FilmNoise(self._seed("noise", index))
 
     def person(self, subject: int, redrawn: int = 0) -> Person:
-        return draw_person(self._rng("person", subject, *filter(None, [redrawn])), self.body, "benchmark")
+        return draw_person(self._rng("person", subject, *([redrawn] if redrawn else [])), self.body, "benchmark")
 
     def manifest_entries(self) -> dict:
         return {"benchmark": self.benchmark.name, "about": self.about, "truth": self.truth}
