@@ -63,7 +63,7 @@ export default {
   "skill|worst": "sehr schlecht",
   "skill|waving": "winkt nur",
   "skill|still": "steht still",
-  "skill|nobody": "niemand",
+  "skill|absent": "niemand",
   "fault|none": "keiner",
   "fault|left arm": "linker Arm",
   "fault|right arm": "rechter Arm",

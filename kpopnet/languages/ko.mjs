@@ -63,7 +63,7 @@ export default {
   "skill|worst": "아주 서툼",
   "skill|waving": "손만 흔듦",
   "skill|still": "가만히 있음",
-  "skill|nobody": "아무도 없음",
+  "skill|absent": "아무도 없음",
   "fault|none": "없음",
   "fault|left arm": "왼팔",
   "fault|right arm": "오른팔",

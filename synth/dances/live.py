@@ -27,7 +27,7 @@ from synth.simulated.film import Played, Studio, Take, measure_frame
 ON_THE_BEAT = "an arm on every beat"
 """The skill of a person who raises the left arm highest at every second, to measure a latency by."""
 
-SKILLS = ("perfect", *LEVELS, "waving", "still", "nobody")
+SKILLS = ("perfect", *LEVELS, "waving", "still", "absent")
 FAULTS = ("", "left arm", "right arm", "left leg", "right leg", "late", "hidden feet")
 LATE_S = 0.35
 FAULT_WEIGHT = 0.85  # how far a faulty limb hangs: 1 for as in standing still
@@ -69,7 +69,7 @@ class LiveLearner:
         if quats.shape[1:] != (len(load_body().bone_names), 4):
             raise InputError(f"rotations of shape {quats.shape}: made for another body; make the dances again")
         self.camera = camera
-        self._studio, self._empty = Studio(camera, "cpu"), skill == "nobody"
+        self._studio, self._empty = Studio(camera, "cpu"), skill == "absent"
         rng = np.random.default_rng([seed, 1])
         motion = learned(motion_of(quats, hips_m, fps), skill, fault, rng)
         self._take, self._fps = self._placed(motion, fault, seed), fps
@@ -137,7 +137,7 @@ def learned(motion: Motion, skill: str, fault: str, rng: np.random.Generator) ->
         motion = end_motion("waving", motion, motion, rng)
     if skill == ON_THE_BEAT:
         motion = _on_the_beat(motion)
-    if skill in ("still", "nobody"):
+    if skill in ("still", "absent"):
         motion = at_times(motion, np.zeros_like(times_s), motion.fps)
     if fault == "late":
         motion = at_times(motion, np.maximum(times_s - LATE_S, 0.0), motion.fps)

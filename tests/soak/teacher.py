@@ -31,7 +31,7 @@ from tests.helpers.random_requests import SERVER_ERRORS, random_request, status_
 from tests.helpers.teacher_page import started
 from tests.soak.__main__ import resident_mb
 
-SKILLS = ("perfect", "good", "worst", "still", "nobody")
+SKILLS = ("perfect", "good", "worst", "still", "absent")
 DANCES = 5
 SPEEDS = (1.0, 0.5)
 LESSON_S = 10.0

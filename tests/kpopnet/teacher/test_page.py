@@ -148,7 +148,7 @@ def test_a_narrow_screen_in_the_dark_and_two_lessons_at_once_and_no_third(addres
         ground = browser.execute_script("return getComputedStyle(document.body).backgroundColor")
         assert (sum(int(value) for value in ground[4:-1].split(",")) < 200) == (theme == "dark")
     for dance in ("dance_001", "dance_002"):
-        browser.get(f"{address}#/dance/{dance}?go&loop&skill=nobody")
+        browser.get(f"{address}#/dance/{dance}?go&loop&skill=absent")
         browser.reads("#start", "Stop")
         assert browser.overflow_px <= 0
         browser.refresh()  # takes the lesson up again

@@ -38,7 +38,7 @@ def test_a_fault_is_in_its_limb_alone(taught):
 
 def test_the_camera_sees_the_learner_dance(taught):
     learner = LiveLearner(taught.quats, taught.hips_m, taught.fps, "perfect", seed=3)
-    empty = LiveLearner(taught.quats, taught.hips_m, taught.fps, "nobody", seed=3)
+    empty = LiveLearner(taught.quats, taught.hips_m, taught.fps, "absent", seed=3)
     before, after, room = learner.frame(0.0), learner.frame(6.0), empty.frame(0.0)
     assert before.shape == (CAMERA.height, CAMERA.width) and before.dtype == np.float32
     nearer = (before > 0) & (room > 0) & (before < room - 0.2)

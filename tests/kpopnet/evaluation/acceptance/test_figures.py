@@ -122,9 +122,9 @@ def test_turning_around_is_no_exchange(run: Watched) -> None:
 
 
 def test_where_nobody_is_in_view_nothing_is_shown_and_the_cause_is_told(run: Watched) -> None:
-    nobody = np.zeros(len(run.times_s), bool)
+    in_view = np.zeros(len(run.times_s), bool)
     run = replace(run, truth_m=None)
-    alone = replace(run, in_view=nobody, empty=~nobody, joints_m=np.full_like(run.joints_m, np.nan))
+    alone = replace(run, in_view=in_view, empty=~in_view, joints_m=np.full_like(run.joints_m, np.nan))
     found = figures([alone])
     assert found["exchanges"] is found["longest_gap_ms"] is found["availability"] is None
     assert script_fault(run) == "" and "no person was in view" in script_fault(alone)

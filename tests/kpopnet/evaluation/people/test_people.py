@@ -179,10 +179,10 @@ def test_images_of_any_number_of_people_before_any_camera_are_reported(tmp_path:
     depth_mm, joints_m, pixels = draw_two_people(1)
     image = StoredSequence("room_0", "single image", 30.0, CAMERA, ("ann", "bob"), depth_mm, joints_m)
     both = replace(image, whole_px=pixels, seen_px=pixels)
-    nobody = replace(image, people=(), joints_m=joints_m[:, :0], whole_px=pixels[:, :0], seen_px=pixels[:, :0])
+    empty = replace(image, people=(), joints_m=joints_m[:, :0], whole_px=pixels[:, :0], seen_px=pixels[:, :0])
     portrait = Camera.centred(300.0, 120, 200)
-    nobody = replace(nobody, kind="empty room", camera=portrait, depth=np.full((1, 200, 120), 3000, np.uint16))
-    write_simulated(tmp_path / "set", "rooms", {"room_0": both, "room_1": nobody, "room_2": both})
+    empty = replace(empty, kind="empty room", camera=portrait, depth=np.full((1, 200, 120), 3000, np.uint16))
+    write_simulated(tmp_path / "set", "rooms", {"room_0": both, "room_1": empty, "room_2": both})
     benchmark = BenchmarkConfig("rooms", str(tmp_path / "set"))
     settings = {"processes": 1, "extraction": PaperExtractionConfig()}
     report = evaluate_people(EvaluateConfig(benchmark, {"tracker": TrackerEstimatorConfig()}, **settings), tmp_path / "out")
