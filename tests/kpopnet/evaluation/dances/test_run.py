@@ -242,6 +242,26 @@ def test_a_learner_without_true_joints_is_reported(folder, fake):
         run(folder, {})
 
 
+@pytest.mark.parametrize("changed", ["kpopnet/teacher/posing.py", "synth/body/shape.py", "synth/assets/body.npz"])
+def test_a_teacher_is_seen_again_once_what_poses_or_draws_them_has_changed(folder, fake, tmp_path, monkeypatch, changed):
+    files = [tmp_path / name for name in ("kpopnet/teacher/posing.py", "synth/body/shape.py", "synth/assets/body.npz")]
+    for file in files:
+        file.parent.mkdir(parents=True)
+        file.write_bytes(b"before")
+    monkeypatch.setattr(pose_cache.kpopnet, "__file__", str(tmp_path / "kpopnet" / "__init__.py"))
+    asked, dance = [], KpopSet(folder).dance("mama")
+
+    def see(teacher, *_):
+        asked.append(teacher)
+        return teacher
+
+    cache = PoseCache(tmp_path / "poses", "fake", FakeConfig())
+    for content, times in ((b"before", 1), (b"after", 2), (b"after", 2)):
+        (tmp_path / changed).write_bytes(content)
+        cache.seen_teacher(dance, see)
+        assert len(asked) == times
+
+
 def test_learners_are_compared_with_teachers_as_their_estimator_sees_them(folder, fake):
     asked = []
 
