@@ -140,6 +140,7 @@ class SequenceGenerator(SetGenerator):
         return FilmNoise(self._seed("noise", index))
 
     def person(self, subject: int, redrawn: int = 0) -> Person:
+        """Person `subject` of the benchmark, or who is drawn in their place where nothing fits them: 1 the next, 2 the last."""
         return draw_person(self._rng("person", subject, *([redrawn] if redrawn else [])), self.body, "benchmark")
 
     def manifest_entries(self) -> dict:
