@@ -61,7 +61,7 @@ def parsing(where: Path | str, problem: str, remedy: str = "") -> Iterator[None]
     except InputError:
         raise
     except Exception as error:
-        raise InputError(f"{where}: {problem} ({first_line(error)}){remedy and f'; {remedy}'}") from error
+        raise InputError(f"{where}: {problem} ({_reason(error)}){remedy and f'; {remedy}'}") from error
 
 
 def read_with(reader: Callable[[Path], R], path: Path, problem: str) -> R:
@@ -69,6 +69,11 @@ def read_with(reader: Callable[[Path], R], path: Path, problem: str) -> R:
     with parsing(path, problem):
         check_budget(path, Path(path).stat().st_size, "its content")
         return reader(path)
+
+
+def _reason(error: Exception) -> str:
+    """Why a file cannot be read; `where` names the file already."""
+    return (isinstance(error, OSError) and error.strerror) or first_line(error)
 
 
 def first_line(error: BaseException) -> str:
@@ -106,7 +111,7 @@ def read_text(path: Path, max_bytes: int = MAX_JSON_BYTES) -> str:
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text ({error.reason} at byte {error.start})") from error
     except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
+        raise InputError(f"{path}: cannot be read ({_reason(error)})") from error
 
 
 def read_json(path: Path, max_bytes: int = MAX_JSON_BYTES, *, non_finite: bool = False) -> Any:

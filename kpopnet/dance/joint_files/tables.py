@@ -64,7 +64,11 @@ def read_csv(path: Path) -> NamedPoints:
 
     Or a line for each point: columns x, y, z, the point's name, its frame and the rest. An empty cell is missing.
     """
-    table = csv.reader(io.StringIO(read_text(path)))
+    text = read_text(path)
+    header_line = text.partition("\n")[0]
+    if ";" in header_line and "," not in header_line:  # a spreadsheet where the comma is the decimal point
+        text = text.replace(",", ".").replace(";", ",")
+    table = csv.reader(io.StringIO(text))
     with parsing(path, "not a CSV file"):
         header = [word.strip() for word in next(table, [])]
         rows = [(f"{path}, line {table.line_num}", row) for row in table if row]

@@ -95,6 +95,20 @@ def test_a_foot_is_the_middle_of_ankle_and_foot_and_a_hand_is_preferred_to_a_wri
     assert joints_m[Joint.RIGHT_HAND, 1] == pytest.approx(joints_m[Joint.LEFT_HAND, 1], abs=0.01)
 
 
+def test_a_table_of_a_spreadsheet_with_decimal_commas_is_read_as_one_with_points(tmp_path):
+    path = write_csv(tmp_path / "a.csv", kinect(), {"time_s": np.arange(FRAMES) / 30})
+    (tmp_path / "b.csv").write_text(path.read_text().replace(",", ";").replace(".", ","))
+    one, other = read_performance(path), read_performance(tmp_path / "b.csv")
+    np.testing.assert_array_equal(one.joints_m, other.joints_m)
+    np.testing.assert_array_equal(one.times_s, other.times_s)
+
+
+def test_a_missing_file_is_named_once(tmp_path):
+    for name in ("a.npz", "a.csv"):
+        with pytest.raises(InputError, match=r"a\.\w+: [^'/]*\(No such file or directory\)$"):
+            read_performance(tmp_path / name)
+
+
 @pytest.mark.parametrize("name", ["torso", "SpineMid", "SPINE_NAVEL", "SPINE_NAVAL"])
 def test_a_torso_that_is_named_is_the_joint_and_else_it_is_derived(tmp_path, name):
     positions, derived = kinect(), read_performance(write_json(tmp_path / "a.json", kinect()))
