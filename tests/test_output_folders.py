@@ -97,6 +97,8 @@ def test_a_full_disk_ends_a_training_with_one_line_and_it_goes_on_later(tmp_path
 
 def test_a_folder_that_cannot_be_made_or_a_setting_that_is_none_is_one_line(tmp_path, data):
     assert "+foo: there is no such setting" in refusal(*TRAIN, "+foo=1", f"hydra.run.dir={tmp_path / 'out'}")
+    near = "error: traning.steps: there is no such setting; did you mean training.steps? --help lists them"
+    assert refusal(*TRAIN, "traning.steps=1", f"hydra.run.dir={tmp_path / 'out'}") == near
     (tmp_path / "file").write_text("")
     assert "a part of this path is a file" in refusal(*TRAIN, *data, f"hydra.run.dir={tmp_path / 'file/run'}")
     assert "the name is too long" in refusal(*SYNTH, "splits.train=4", f"out={tmp_path / ('x' * 300)}")

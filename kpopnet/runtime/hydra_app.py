@@ -3,6 +3,7 @@
 import atexit
 import contextlib
 import dataclasses
+import difflib
 import functools
 import inspect
 import io
@@ -23,10 +24,10 @@ from hydra.conf import HydraConf
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import HydraException, MissingConfigException
+from hydra.errors import ConfigCompositionException, HydraException, MissingConfigException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 import kpopnet
 from kpopnet.errors import InputError
@@ -91,6 +92,10 @@ def entry_point(
                 job()
             except MissingConfigException as error:
                 raise _unknown_choice(error, configs_folder() / folder) from error
+            except ConfigCompositionException as error:
+                if (told := _unknown_setting(error, ChainMap(*_group_texts.values(), settings(schema)))) is None:
+                    raise
+                raise told from error
 
         return program
 
@@ -114,6 +119,16 @@ def _unknown_choice(error: MissingConfigException, folder: Path) -> Exception:
     registered = map(Path, ConfigStore.instance().repo.get(group, ()))  # "NAME.yaml", as files are
     known = sorted({path.stem for path in [*(folder / group).glob("*.yaml"), *registered]} - {"schema"})
     return InputError(f"{group}={name}: expected one of {', '.join(known)}") if group and known else error
+
+
+def _unknown_setting(error: ConfigCompositionException, known: Iterable[str]) -> InputError | None:
+    """What may have been meant, in the place of the class that lacks a setting; None for another mistake."""
+    found = re.match(r"Could not override '([\w.]+)'", str(error))
+    if not found or not isinstance(error.__cause__, ConfigKeyError | ConfigAttributeError):
+        return None
+    near = difflib.get_close_matches(found[1], known, 1)
+    hint = f"did you mean {near[0]}? " if near else ""
+    return InputError(f"{found[1]}: there is no such setting; {hint}--help lists them")
 
 
 def _config_name(given: list[str], schemas: Mapping[str, Any]) -> str:
