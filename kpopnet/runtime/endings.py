@@ -60,7 +60,10 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
                 raise
             _flush()  # here, where errors of it can still be caught
             return result
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, SystemError) as error:
+            # Compiled code may make a SystemError of the interrupt.
+            if not isinstance(error, KeyboardInterrupt) and not isinstance(error.__cause__, KeyboardInterrupt):
+                raise
             print("stopped", file=sys.stderr)
             raise SystemExit(130) from None
         except Exception as error:

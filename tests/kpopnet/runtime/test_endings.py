@@ -49,6 +49,12 @@ def test_another_pipe_that_is_broken_is_told():
     assert code == 1 and b"BrokenPipeError: a child ended" in told
 
 
+def test_an_interrupt_of_compiled_code_stops_a_program_and_another_system_error_is_told():
+    assert ended("raise SystemError('a result with an exception set') from KeyboardInterrupt()") == (b"stopped\n", 130)
+    told, code = ended("raise SystemError('bad argument')")
+    assert code == 1 and b"SystemError: bad argument" in told
+
+
 @pytest.mark.parametrize("words", [["--help"], ["--version"], ["score", "--help"]])
 def test_help_that_no_program_reads_ends_quietly_too(words):
     program = "import sys; sys.stdin.read(); from kpopnet.cli import main; main()"
