@@ -192,10 +192,10 @@ def depth_in_metres(
                 "floating-point depth is metres, so divide it by 1000, or convert it with .astype(np.uint16)"
             )
     else:
-        raise InputError(
-            f"{where}: expected uint16 millimetres or floating-point metres, got {depth.dtype}; "
-            "convert it, for instance with .astype(np.uint16)"
-        )
+        advice = "convert it, for instance with .astype(np.uint16)"
+        if depth.dtype == np.uint8:
+            advice = "a picture of depth in 256 shades holds no distances: record the camera's own 16 bits"
+        raise InputError(f"{where}: expected uint16 millimetres or floating-point metres, got {depth.dtype}; {advice}")
     if camera is not None and depth.shape[-2:] != (camera.height, camera.width):
         raise InputError(
             f"{where}: expected the camera's {camera.width}x{camera.height} pixels, got {depth.shape[-1]}x{depth.shape[-2]}"

@@ -39,6 +39,11 @@ def test_metres_as_integers_are_refused():
     np.testing.assert_allclose(depth_in_metres(near, unit_known=True), person(0.003, np.float32))
 
 
+def test_a_picture_of_depth_is_refused_with_advice():
+    with pytest.raises(InputError, match=r"got uint8; a picture of depth in 256 shades holds no distances"):
+        depth_in_metres(person(200, np.uint8))
+
+
 @pytest.mark.parametrize(
     "wrong",
     [(None, 1, 0, 0, 2, 2), (1, 1e-300, 0, 0, 2, 2), (1, 1, 0, np.nan, 2, 2), (1, 1, 0, 0, 2.5, 2), (1, 1, 0, 0, 2, 0)],
