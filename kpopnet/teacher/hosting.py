@@ -8,6 +8,7 @@ import logging
 import os
 import shutil
 import signal
+import socket
 import tempfile
 import threading
 import webbrowser
@@ -128,6 +129,8 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
         try:
             server = await loop.create_server(_Limited(runner.server), given.host, given.port, backlog=BACKLOG)
         except OSError as error:
+            if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+                raise InputError(f"--host {given.host}: no address of this machine ({error.strerror})") from error
             place = f"--port {given.port}: cannot listen on {given.host}"
             raise InputError(f"{place} ({error.strerror}); choose another port") from error
         host = "127.0.0.1" if given.host in ("0.0.0.0", "::") else f"[{given.host}]" if ":" in given.host else given.host

@@ -85,6 +85,12 @@ def test_a_free_port_is_opened_odd_headers_are_refused_and_it_ends_whatever_its_
             assert process.wait(30) == 0 and process.stderr.read() == ""
 
 
+def test_a_host_that_is_no_address_of_this_machine_is_told_so(tmp_path):
+    for name in ("no-such-host.invalid", "192.0.2.1"):  # a name, and an address that documents use
+        with running("-c", SERVER, name, 128, tmp_path / "opened") as process:
+            assert f"--host {name}: no address of this machine (" in process.stderr.read()
+
+
 def test_a_secret_reaches_the_browser_in_a_file_that_only_its_user_reads(tmp_path):
     with hosting(tmp_path / "opened", host="0.0.0.0") as (process, address):
         given = (tmp_path / "opened").read_text()
