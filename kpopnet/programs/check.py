@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from tqdm import tqdm
 
 from kpopnet.camera import Camera
 from kpopnet.datasets.check_script import END_S, SCRIPT, step_s
@@ -206,17 +207,20 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
     source = opener(path, given, in_child=True)()
     warm_up(source, estimator)
     collected, dropped = Collected(source.camera), 0
-    if given.as_fast:
-        for answer in itertools.takewhile(lambda one: one.time_s < END_S, answers_as_fast(source, estimator)):
-            collected.add(answer, answer.time_s)
-    else:
-        camera = PlayedCamera(source)
-        with closing(NewestImage(camera)) as images:
-            for answer in answers(images, source.camera, estimator):
-                if (script_s := camera.times_s[answer.time_s]) >= END_S:
-                    break
-                collected.add(answer, script_s)
-            dropped = images.dropped
+    with tqdm(total=round(END_S), desc=path.name, unit="s", disable=None) as bar:
+        if given.as_fast:
+            for answer in itertools.takewhile(lambda one: one.time_s < END_S, answers_as_fast(source, estimator)):
+                collected.add(answer, answer.time_s)
+                bar.update(int(answer.time_s) - bar.n)
+        else:
+            camera = PlayedCamera(source)
+            with closing(NewestImage(camera)) as images:
+                for answer in answers(images, source.camera, estimator):
+                    if (script_s := camera.times_s[answer.time_s]) >= END_S:
+                        break
+                    collected.add(answer, script_s)
+                    bar.update(int(script_s) - bar.n)
+                dropped = images.dropped
     return collected.watched(path.name, dropped, None if truth is None else Truth(*truth), source.fps)
 
 
