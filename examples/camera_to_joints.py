@@ -10,6 +10,7 @@ where nothing was measured; any other recording of docs/predicting.md will do. P
 import argparse
 from pathlib import Path
 
+from kpopnet.errors import InputError
 from kpopnet.pose import PoseEstimator
 from kpopnet.skeleton import Joint
 from kpopnet.sources import chosen_camera, open_depth
@@ -21,7 +22,7 @@ SURE = 0.5
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recording", type=Path, help="depth, such as a file of numpy.save")
-    parser.add_argument("--fov", type=float, required=True, help="the camera's horizontal field of view in degrees")
+    parser.add_argument("--fov", type=float, help="horizontal field of view in degrees, if the recording states no camera")
     parser.add_argument("--people", type=int, default=1, help="largest number of people to follow")
     parser.add_argument("--checkpoint", help="folder of a network of your own, used instead of the one that comes along")
     given = parser.parse_args()
@@ -38,4 +39,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:  # what was wrong, where, and what to do
+        raise SystemExit(f"error: {error}") from None

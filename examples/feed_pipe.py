@@ -42,6 +42,8 @@ def main() -> None:
     parser.add_argument("--port", type=int, help="of this machine, where kpopnet connects; by default standard output")
     given = parser.parse_args()
     recording = dict(np.load(given.recording))
+    if missing := {"depth_mm", "camera", "fps"} - set(recording):
+        raise SystemExit(f"error: {given.recording}: lacks {', '.join(sorted(missing))}")
     if given.port is None:
         with contextlib.suppress(BrokenPipeError), open(1, "wb", closefd=False) as file:  # until kpopnet ends
             send(recording, file)

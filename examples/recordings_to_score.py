@@ -12,6 +12,7 @@ from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.dance.performance import from_absolute_clocks
 from kpopnet.dance.scoring import SCORERS, score_dance
+from kpopnet.errors import InputError
 
 
 def main() -> None:
@@ -31,4 +32,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except InputError as error:  # what was wrong, where, and what to do
+        raise SystemExit(f"error: {error}") from None

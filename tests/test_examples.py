@@ -30,6 +30,17 @@ def run_example(name: str, *words: object) -> str:
     return done.stdout
 
 
+def test_a_missing_recording_is_one_line(tmp_path):
+    np.savez(tmp_path / "bare.npz", depth_mm=np.zeros((1, 2, 2), np.uint16))
+    for name, words, told in (
+        ("recordings_to_score.py", ("a.npz", "b.npz"), "error: a.npz: "),
+        ("camera_to_joints.py", ("a.npz",), "error: a.npz: no such file"),
+        ("feed_pipe.py", ("bare.npz",), "error: bare.npz: lacks camera, fps"),
+    ):
+        done = subprocess.run([sys.executable, ROOT / "examples" / name, *words], cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 1 and done.stderr.startswith(told) and done.stderr.count("\n") == 1, done.stderr
+
+
 def test_a_new_move_becomes_a_dance_and_scores_as_a_copy_of_itself(tmp_path):
     printed = run_example("new_move.py", tmp_path / "dance.png", "--joints", tmp_path / "dance.npz")
     assert (tmp_path / "dance.png").stat().st_size > 10_000 and "look at" in printed
