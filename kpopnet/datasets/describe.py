@@ -1,7 +1,9 @@
 """Lists the ids of EVAL's joints or SMMC-10's markers, of which `benchmark.joints` maps joints.
 
-python -m kpopnet.datasets.describe PATH                   the folder of the set, or a file in it
-python -m kpopnet.datasets.describe PATH --figure ids.png  also draws the ids at their positions over the depth
+    kpopnet describe PATH                   the folder of the set, or a file in it
+    kpopnet describe PATH --figure ids.png  also draws the ids at their positions over the depth
+
+Other sets need no map.
 """
 
 import argparse

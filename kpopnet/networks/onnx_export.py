@@ -71,6 +71,7 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
     content.producer_version, content.doc_string = kpopnet.__version__, ABOUT
     onnx.helper.set_model_props(content, {KEY: json.dumps(portable(meta) | {"format": ONNX_FORMAT})})
     onnx.checker.check_model(content, full_check=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_path(path) as part:
         part.write_bytes(content.SerializeToString())
     found = _comparable([value for value in OnnxBackend(path)(crops) if value is not None])

@@ -75,6 +75,13 @@ def check_grading(given: argparse.Namespace) -> None:
     check_weights(dict(given.weights))
 
 
+def png(word: str) -> Path:
+    """The path of a picture; raises ArgumentTypeError for another kind of file."""
+    if not word.lower().endswith(".png"):
+        raise argparse.ArgumentTypeError(f"{word}: expected a name that ends in .png")
+    return Path(word)
+
+
 def weight(word: str) -> tuple[str, float]:
     """A name and a number, of name=number; raises ValueError for something else."""
     name, _, number = word.partition("=")

@@ -17,7 +17,7 @@ from kpopnet.errors import InputError
 from kpopnet.paper_tracker.algorithm2 import ridge_candidates
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig
 from kpopnet.pose.extraction import extract_person
-from kpopnet.programs.arguments import program_parser
+from kpopnet.programs.arguments import png, program_parser
 from kpopnet.ridge import RidgeConfig, ridge_stages
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.input_files import ArraySchema, check_budget, open_npy
@@ -112,7 +112,7 @@ def main() -> None:
     parser = program_parser("kpopnet stages", __doc__)
     parser.add_argument("depth", type=Path, help="(T, H, W) depth, a file of numpy.save")
     parser.add_argument("frame", type=int, help="number of the frame to draw, from 1 on")
-    parser.add_argument("figure", type=Path, help="the PNG to write")
+    parser.add_argument("figure", type=png, help="the PNG to write")
     parser.add_argument("--camera", choices=sorted(CAMERAS), default="kinect_v1", help="the depth camera: %(default)s")
     parser.add_argument(
         "--start", choices=("auto", "y_pose", "standing"), default="auto", help="how the recording begins: %(default)s"

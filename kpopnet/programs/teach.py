@@ -194,6 +194,7 @@ def add_own(given: argparse.Namespace) -> None:
     """Adds them to the library, each in the part that was asked for."""
     if not 20 <= given.bpm <= 400:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
+    expect(given.to_s is None or given.to_s > given.from_s, "--to", f"more than the {given.from_s:g} s of --from")
     arguments.check_grading(given)
     dances = own_dances(given)
     with locked(given.data):
@@ -281,11 +282,12 @@ def parsed() -> argparse.Namespace:
     parser = arguments.program_parser("kpopnet teach", __doc__)
     parser.add_argument("--data", type=Path, default=FOLDER, help="folder of dances and tries: %(default)s")
     parser.set_defaults(add=None, see=None)
-    if sys.argv[1:2] == ["see"]:
+    command = next((word for word in sys.argv[1:] if word in ("add", "see")), None)  # options may stand before it
+    if command == "see":
         parser.add_argument("see", choices=["see"])
         return parser.parse_args()
     arguments.add_depth(parser)
-    if sys.argv[1:2] == ["add"]:
+    if command == "add":
         parser.add_argument("add", choices=["add"])
         files = "joints, depth, or a folder in the K-Pop format (docs/teaching.md); of a group, joints of each dancer"
         parser.add_argument("files", type=Path, nargs="+", metavar="file", help=files)

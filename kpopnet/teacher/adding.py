@@ -18,6 +18,7 @@ from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.runtime.input_files import expect
 from kpopnet.skeleton import Joint
+from kpopnet.sources.opening import CONVERTERS, READERS, WITH_NAMES
 from kpopnet.teacher.library import MOST_DANCERS, Library, taught_dance
 from kpopnet.teacher.posing import MAX_S, at_rate, posed
 
@@ -94,8 +95,15 @@ def kpop_teachers(path: Path) -> dict[str, Performance]:
 
 
 def holds_depth(path: Path) -> bool:
-    """Whether a recording is of depth rather than of joints, by its name, and of an .npz file by the names of its arrays."""
+    """Whether a recording is of depth rather than of joints, by its name, and of an .npz file by the names of its arrays.
+
+    Raises InputError for a file of neither.
+    """
     if path.suffix.lower() != ".npz":
+        of_depth = (*READERS, *WITH_NAMES, *CONVERTERS)
+        known = path.is_dir() or path.suffix.lower() in (*of_depth, *NOT_DEPTH)
+        text = f"joints in a file {', '.join(JOINT_SUFFIXES)}, or depth in a folder or file {', '.join(of_depth)}"
+        expect(known, str(path), text)
         return path.is_dir() or path.suffix.lower() not in NOT_DEPTH
     try:
         with zipfile.ZipFile(path) as archive:

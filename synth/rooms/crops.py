@@ -39,7 +39,7 @@ class PersonCropsConfig(RoomImagesConfig):
     """Identity and size of the set.
 
     Attributes:
-        name: person_crops.
+        name: name of the set.
         shards: number of files of 500 scenes.
         dances: number of dances of which single poses are taken.
     """

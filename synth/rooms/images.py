@@ -44,7 +44,7 @@ class RoomImagesConfig:
     """Identity and size of the set.
 
     Attributes:
-        name: room_images.
+        name: name of the set.
         seed: of everything random.
         split: train, validation or test: they share no person.
         shards: number of files of 500 images.

@@ -31,7 +31,7 @@ class PersonMasksConfig(PersonCropsConfig):
     """Identity and size of the set.
 
     Attributes:
-        name: person_masks.
+        name: name of the set.
     """
 
     name: str = "person_masks"

@@ -33,6 +33,11 @@ def test_every_stage_is_drawn(draw, tmp_path: Path) -> None:
     assert all(tile.std() > 10 for row in np.array_split(figure, 2) for tile in np.array_split(row, 3, axis=1))
 
 
+def test_a_figure_of_another_kind_is_refused(program, tmp_path: Path) -> None:
+    with pytest.raises(SystemExit):
+        program("stages", tmp_path / "depth.npy", 2, tmp_path / "stages.txt")
+
+
 def test_recordings_need_no_start_pose(draw) -> None:
     joints = cone_joints(-75, 4)
     depth_m = np.repeat(draw_cones(joints, cone_body(joints), CAMERA)[None], 3, axis=0)

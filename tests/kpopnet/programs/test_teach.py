@@ -106,7 +106,9 @@ def test_a_dance_before_a_depth_camera_is_added(run, tmp_path, danced):
 
 MISTAKES = {
     ("add", "missing.bag"): "missing.bag: no such file or folder",
-    ("add", "missing.pkl"): "pickle",
+    ("--title", "Mama", "add", "missing.pkl"): "pickle",
+    ("add", "notes.txt"): "notes.txt: expected joints in a file .npz, .bvh, ",
+    ("add", "missing.bvh", "--from", "10", "--to", "4"): "--to: expected more than the 10 s of --from",
     ("add", "missing.bvh", "--bpm", "1e9"): "20 to 400",
     ("add", "missing.bvh", "--free", "9", "4"): "free from 9 to 4 s",
     ("add", "missing.bvh", "--weights", "hands=1"): "hands",
