@@ -27,6 +27,7 @@ from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import Joint
+from tools.fit_confidence import logistic_weights
 
 NEAR_M, LEAST_SHOWN = 0.3, 0.5
 THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -54,14 +55,8 @@ def judged(image: RoomImage, people: People) -> tuple[np.ndarray, np.ndarray, in
 
 
 def logistic(features: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(K + 1,) weights of a logistic regression on (N, K) features by Newton's method, the constant first."""
-    inputs = np.column_stack([np.ones(len(features)), features])
-    weights = np.zeros(inputs.shape[1])
-    for _ in range(30):
-        probability = 1 / (1 + np.exp(-inputs @ weights))
-        curvature = (inputs * (probability * (1 - probability))[:, None]).T @ inputs + 1e-3 * np.eye(len(weights))
-        weights += np.linalg.solve(curvature, inputs.T @ (right - probability) - 1e-3 * weights)
-    return weights
+    """(K + 1,) weights of a logistic regression on (N, K) features, the constant first."""
+    return logistic_weights(np.column_stack([np.ones(len(features)), features]), right)
 
 
 class Judged(NamedTuple):

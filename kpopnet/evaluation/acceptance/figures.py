@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from kpopnet.dance.dimensions.stage import runs
 from kpopnet.datasets.check_script import END_S, step_s
 from kpopnet.evaluation.acceptance.watched import Watched
 from kpopnet.evaluation.poses.metrics import joint_errors_m, mean_error_m
@@ -98,19 +99,14 @@ def present(run: Watched) -> np.ndarray:
     return found
 
 
-def stretches(flags: np.ndarray) -> list[tuple[int, int]]:
-    """First and last index, the last one exclusive, of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
 def visits(run: Watched) -> list[tuple[int, int]]:
     """The stretches in which a person is in view, with what is shorter than AWAY_S between them filled."""
     joined: list[tuple[int, int]] = []
-    for first, last in stretches(run.in_view):
+    for stretch in runs(run.in_view):
+        first = stretch.start
         if joined and run.times_s[first] - run.times_s[joined[-1][1] - 1] < AWAY_S:
             first = joined.pop()[0]
-        joined.append((first, last))
+        joined.append((first, stretch.stop))
     return joined
 
 
@@ -133,7 +129,7 @@ def gaps(run: Watched) -> Iterator[tuple[int, int]]:
         if len(seen):
             begin = first + int(seen[0])
             missing = run.in_view[begin:last] & ~found[begin:last]
-            yield from ((begin + one, begin + other) for one, other in stretches(missing))
+            yield from ((begin + one.start, begin + one.stop) for one in runs(missing))
 
 
 def longest_gap_s(run: Watched) -> float:
@@ -143,7 +139,7 @@ def longest_gap_s(run: Watched) -> float:
 
 def false_people(run: Watched) -> list[int]:
     """The image in which each appearance of a person in the empty room begins."""
-    return [first for first, _ in stretches(run.empty & np.array([bool(people) for people in run.people_m]))]
+    return [one.start for one in runs(run.empty & np.array([bool(people) for people in run.people_m]))]
 
 
 def exchanges(run: Watched) -> list[int]:
