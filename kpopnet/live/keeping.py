@@ -152,7 +152,8 @@ class JointKeeper:
         paths, times_s = [], np.array([seen.time_s - kept[0].time_s for seen in kept])
         try:
             for one in sorted(set().union(*people)):
-                _, joints_m, confidence = map(np.array, zip(*(found.get(one, unseen) for found in people), strict=True))
+                poses = [found.get(one, unseen) for found in people]
+                joints_m, confidence = (np.array(values) for values in [*zip(*poses, strict=True)][1:3])
                 paths.append(free_path(self._folder, f"joints-person{one}", ".npz"))
                 write_performance(paths[-1], Performance(joints_m, times_s, confidence))
         except BaseException:

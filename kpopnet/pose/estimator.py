@@ -12,7 +12,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, check_camera, image_in_metres, subsampled
 from kpopnet.errors import InputError, check_between, check_one_of
-from kpopnet.estimator import FRAME_S, Estimator
+from kpopnet.estimator import FRAME_S, Estimate, Estimator
 from kpopnet.human import Looker
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
@@ -36,6 +36,8 @@ class PersonPose(NamedTuple):
     joints_camera_m: np.ndarray  # (15, 3) or (T, 15, 3) float32 joints, camera frame, metres; NaN where missing
     # (15,) or (T, 15) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing
     confidence: np.ndarray
+    # of `update` by a network: what it alone says of this image, (15, 3) and (15,), before the fit and what was seen before
+    network: Estimate | None = None
 
 
 class PoseEstimator:
@@ -102,7 +104,7 @@ class PoseEstimator:
         """
         check_between("time_s", time_s or 0, -LATEST_S, LATEST_S)
         found = self._found(depth, camera, self.people, time_s)
-        return [PersonPose(identity, pose.joints_camera_m, pose.confidence) for identity, pose in found.items()]
+        return [PersonPose(identity, pose.joints_camera_m, pose.confidence, pose.network) for identity, pose in found.items()]
 
     def estimate(
         self, depth: np.ndarray | Iterable[np.ndarray | TimedDepth], camera: Camera, fps: float = 30.0, segmented: bool = False

@@ -36,6 +36,11 @@ class Pose(NamedTuple):
     confidence: np.ndarray  # (15,) float32, 0 where missing
     measured: Measured | None = None  # what the network over time was given; None where it was not asked
 
+    @property
+    def network(self) -> Estimate | None:
+        """What the network alone sees in the image; None as `measured`."""
+        return None if self.measured is None else Estimate(self.measured.detected_m, self.measured.detected)
+
 
 @cache
 def _over_time(sees_future: bool) -> OverTime:

@@ -111,7 +111,7 @@ def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray,
     overlay.write_video(out / "overlay.mp4", overlays(), source.fps)
     title = f"{Path(source.name).name}: {len(people)} {'person' if len(people) == 1 else 'people'}, {frames} images"
     save_png(out / "overlay.png", overlay.overlay_sheet(tiles, title))
-    page = view_page(title, source.camera, times_s, [Shown(*person[1:]) for person in people], clouds)
+    page = view_page(title, source.camera, times_s, [Shown(one.joints_camera_m, one.confidence) for one in people], clouds)
     with atomic_path(out / "view.html") as part:
         part.write_text(page, encoding="utf-8")
     written = [out / "overlay.png", out / "overlay.mp4", out / "view.html"]

@@ -108,6 +108,10 @@ class TaughtDance:
         """All of a group, from its own left to its right at the start, as it faces the camera."""
         return (self, *self.others)
 
+    def without_seen(self) -> "TaughtDance":
+        """The dance for another estimator than the package's."""
+        return replace(self, seen=None, others=tuple(one.without_seen() for one in self.others))
+
     @property
     def start_m(self) -> np.ndarray:
         """(3,) where the middle of the hips is known first, metres, in the frame of the camera."""
@@ -154,14 +158,15 @@ _DANCE_SCHEMAS = {
 
 _SEEN_SCHEMA = {"errors_m": ArraySchema("f", ("D", "T", NUM_JOINTS, 3)), "of": ArraySchema("U", ())}
 
-SEEN_AS = "realtime"
-"""The estimator of lessons by depth camera."""
+SHOWN_BY, SEEN_AS = "realtime", "network"
+"""The estimator of lessons by depth camera; and whose joints are graded beside a teacher as they are seen: its network's alone,
+which err more like each other than those that the fit has moved to each person's own depth (docs/dance_scoring.md)."""
 
 
 def _digest(dancers: Sequence[TaughtDance]) -> str:
     """Of the dancers' joints and of the network that sees them."""
     joints = b"".join(one.joints_m.tobytes() for one in dancers)
-    return hashlib.sha256(SHA256["joints"][WEIGHTS].encode() + joints).hexdigest()
+    return hashlib.sha256(f"{SEEN_AS} {SHA256['joints'][WEIGHTS]}".encode() + joints).hexdigest()
 
 
 class Library:

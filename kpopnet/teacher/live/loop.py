@@ -131,6 +131,7 @@ def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint:
             if message[0] != "prepare":
                 continue  # of a lesson that has ended
             _, number, lesson, dance = message
+            dance = dance if checkpoint is None else dance.without_seen()
 
             def tell(kind: str, content: dict, attached: object = None, number: int = number) -> None:
                 connection.send((number, kind, keyed(content), attached))

@@ -9,7 +9,6 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.dance.dimensions.formation import formation
-from kpopnet.dance.noise.table import SEEN
 from kpopnet.dance.online import OnlineScore, OnlineScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
@@ -22,7 +21,7 @@ from kpopnet.languages import Said
 from kpopnet.pose import PersonPose
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources.live import Image
-from kpopnet.teacher.library import MOVE_COUNTS, TaughtDance
+from kpopnet.teacher.library import MOVE_COUNTS, SEEN_AS, SHOWN_BY, TaughtDance
 from kpopnet.teacher.live.lesson import CALIBRATION_BEAT_S, DanceClock, Lesson
 from kpopnet.teacher.live.words import exchanged, latest_words, move_reason, rounded, try_result, where_to_stand
 
@@ -54,12 +53,16 @@ class DanceTry:
         """Begins a try; `noise` is the name of the estimator's errors in `kpopnet.dance.noise.table.NOISE`."""
         self._lesson, self._about, self._clock = lesson, dance.about, clock
         self.begin_s, self.end_s = lesson.excerpt_s(len(dance.joints_m) / dance.fps)  # seconds of the dance
+        taught = dance.performance
+        if dance.seen is not None and noise == SHOWN_BY:
+            taught, noise = dance.seen, SEEN_AS
+        self._grades_network = noise == SEEN_AS
         self._config = scorer_config(lesson, noise)
-        is_seen = dance.seen is not None and dance.seen.estimator == f"{noise}{SEEN}"
-        self._teacher = excerpt(dance.seen if is_seen else dance.performance, self.begin_s, self.end_s)
+        self._teacher = excerpt(taught, self.begin_s, self.end_s)
         self._scorer = OnlineScorer(self._teacher, self._config, self._about.free_s)
         self._images = 0  # while the dance went on, whether the learner was seen or not
         self._seen: list[tuple[float, np.ndarray, np.ndarray]] = []  # times without the latency, joints, confidence
+        self._graded_m = np.full((NUM_JOINTS, 3), np.nan)  # the latest image's
         self._latest: OnlineScore | None = None
         self._words, self._words_due_s = "", -math.inf
         self._next_move = 1
@@ -116,10 +119,12 @@ class DanceTry:
         self._images += 1
         if person is None:
             return
-        joints_m, confidence = person.joints_camera_m, np.clip(person.confidence, 0, 1)
+        graded = person.network if self._grades_network and person.network else person
+        joints_m, confidence = graded.joints_camera_m, np.clip(graded.confidence, 0, 1)
         for between_s, between_m in self._bridge(time_s, joints_m):
             self._scorer.update(between_m, between_s, confidence)
-        self._seen.append((time_s - self._config.latency_s, joints_m, confidence))
+        self._seen.append((time_s - self._config.latency_s, person.joints_camera_m, np.clip(person.confidence, 0, 1)))
+        self._graded_m = joints_m
         self._latest = self._scorer.update(joints_m, time_s, confidence)
         self._score_move()
         if self._latest is not None and time_s >= self._words_due_s:
@@ -133,7 +138,7 @@ class DanceTry:
         """Times and joints on straight lines from the last image's to these, where some images were dropped in between."""
         if not self._seen:
             return []
-        before_s, (_, before_m, _) = self.seen_s, self._seen[-1]
+        before_s, before_m = self.seen_s, self._graded_m
         gap_s = time_s - before_s
         steps = round(gap_s * BRIDGE_FPS) if gap_s < MAX_BRIDGE_S else 1
         shares = [step / steps for step in range(1, steps)]

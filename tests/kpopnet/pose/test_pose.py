@@ -149,6 +149,17 @@ def test_online_equals_a_recording_in_realtime_mode():
         np.testing.assert_array_equal(people[0].joints_camera_m, whole.joints_camera_m[frame])
 
 
+def test_online_what_the_network_alone_sees_comes_with_each_person():
+    network = Blob()
+    (person,) = PoseEstimator(network).update(walking(1)[0], ROOM_CAMERA)
+    alone = network.estimate(*network.asked[-1])
+    np.testing.assert_array_equal(person.network.joints_camera_m, alone.joints_camera_m[0])
+    np.testing.assert_array_equal(person.network.confidence, alone.confidence[0])
+    assert (person.joints_camera_m != person.network.joints_camera_m).any()  # which the fit has moved
+    (tracked,) = PoseEstimator(None, "tracker").update(walking(1)[0], ROOM_CAMERA)
+    assert tracked.network is None
+
+
 def test_a_person_is_found_in_a_single_image_whatever_their_arms_do():
     for image in (standing(2.4, arms_deg=80), standing(3.0, arms_deg=0, turned=True), standing()):
         (one,) = PoseEstimator(Blob()).estimate(compose(room(), image), ROOM_CAMERA)

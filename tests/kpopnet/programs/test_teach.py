@@ -303,7 +303,7 @@ def test_dances_are_shown_to_the_network_once_and_lessons_by_depth_go_by_what_it
     assert 0.005 < off_m[:, known].mean() < 0.08 and off_m[:, known].max() < 0.6
     for noise, is_seen in (("realtime", True), ("webcam", False), ("none", False)):
         tried = DanceTry(Lesson("dance_000", from_s=1.0), dance, noise, DanceClock(1.0, 1.0))
-        assert tried._scorer.scorer.noise == (f"{noise}_seen_teacher" if is_seen else noise)
+        assert tried._scorer.scorer.noise == ("network_seen_teacher" if is_seen else noise)
         expected_m = (dance.seen if is_seen else dance.performance).joints_m[30:]
         np.testing.assert_array_equal(tried._teacher.joints_m, expected_m)
         tried.compile()

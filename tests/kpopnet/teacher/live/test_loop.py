@@ -6,6 +6,7 @@ import multiprocessing
 import queue
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from kpopnet.camera import CAMERAS
 from kpopnet.dance.joint_files.mediapipe import WEBCAM
+from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose
 from kpopnet.sources.live import NewestImage
 from kpopnet.sources.source import CameraAwayError
@@ -118,10 +120,10 @@ class Knowing:
 
 
 @contextlib.contextmanager
-def serving(opener):
+def serving(opener, checkpoint=None):
     """A lesson's process as a thread: the connection for its messages."""
     server, other = multiprocessing.Pipe()
-    thread = threading.Thread(target=loop.serve_lessons, args=(other, opener, None), daemon=True)
+    thread = threading.Thread(target=loop.serve_lessons, args=(other, opener, checkpoint), daemon=True)
     thread.start()
     yield server
     server.send(("stop",))
@@ -193,6 +195,24 @@ def test_the_dance_stands_still_while_the_camera_is_away_or_a_pause_is_asked_for
     told(server, "done", after)
     times_s = [frame["time_s"] for frame in after if frame["time_s"] is not None]
     assert min(times_s) < resumed_s < max(times_s) - 1
+
+
+@pytest.mark.parametrize("checkpoint", [None, "mine"])
+def test_what_the_packages_network_saw_of_a_dance_is_not_for_another_network(library, monkeypatch, checkpoint):
+    taught = library.dance("dance_001")
+    taught = replace(taught, seen=taught.performance)
+    given = queue.SimpleQueue()
+
+    def refuse(lesson, dance, *_):
+        given.put(dance)
+        raise InputError("no camera")
+
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: None)
+    monkeypatch.setattr(loop, "RunningLesson", refuse)
+    with serving(None, checkpoint) as server:
+        server.send(("prepare", 1, Lesson("dance_001"), replace(taught, others=(taught,))))
+        dance = given.get(timeout=20)
+    assert [one.seen is None for one in dance.dancers] == [checkpoint is not None] * 2
 
 
 def test_each_picture_of_a_webcam_is_used_when_it_comes(library, monkeypatch):

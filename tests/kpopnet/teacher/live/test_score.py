@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from kpopnet.camera import CAMERAS
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import Performance, off_by
 from kpopnet.dance.scoring import SCORERS
+from kpopnet.estimator import Estimate
 from kpopnet.pose import PersonPose
 from kpopnet.skeleton import MIRROR, Joint
 from kpopnet.sources.live import Image
@@ -23,9 +24,13 @@ DEPTH_M = np.zeros((240, 320), np.float32)
 def begun(dance, kind: type[DanceTry] = DanceTry, **lesson) -> DanceTry:
     """A try of a dance that began at the moment 0."""
     asked = Lesson("dance_001", **lesson)
-    clock = DanceClock(0.0, asked.speed)
+    return kind(asked, dance, "none", started(DanceClock(0.0, asked.speed)))
+
+
+def started(clock: DanceClock) -> DanceClock:
+    """A clock of a dance that began at the moment 0."""
     clock._start = 0.0
-    return kind(asked, dance, "none", clock)
+    return clock
 
 
 def look(one: DanceTry, taken: float, joints_m: np.ndarray | None) -> dict:
@@ -52,6 +57,21 @@ def danced(dance, fps: float, late_s: float = 0.0, to_s: float = 6.0, speed: flo
 def test_a_perfect_learner_scores_full_at_half_the_speed(dance):
     result = danced(dance, 30.0, speed=0.5)
     assert result["total"] > 98 and result["worst"] == [] and result["notes"]["fps"] == pytest.approx(30, abs=0.5)
+
+
+def test_beside_a_teacher_as_they_are_seen_the_network_alone_is_graded_and_all_joints_are_shown(dance):
+    as_seen = replace(dance, seen=off_by(dance.performance, np.zeros_like(dance.joints_m, float), "network_seen_teacher"))
+    still_m, scores = dance.joints_m[0], {}
+    for noise in ("realtime", "none"):
+        one = DanceTry(Lesson("dance_001", to_s=6.0), as_seen, noise, started(DanceClock(0.0, 1.0)))
+        for frame in range(0, 180, 3):
+            person = PersonPose(1, still_m, np.full(15, 0.8), Estimate(dance.joints_m[frame], np.full(15, 0.9)))
+            shown = one.see(Image(DEPTH_M, frame / dance.fps), person, CAMERAS["kinect_v1"])
+            assert shown["joints"][0][3] == 0.8
+        result, recorded = one.finish(0)
+        np.testing.assert_array_equal(recorded["joints_m"][-1], still_m)
+        scores[noise] = result["total"]
+    assert scores["realtime"] > 98 and scores["none"] < 20
 
 
 @pytest.mark.parametrize(("fps", "least"), [(6.0, 95.0), (3.0, 75.0)])
