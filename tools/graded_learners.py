@@ -27,11 +27,13 @@ from kpopnet.rotations import conjugate, multiply, rotate, turns
 from kpopnet.runtime.atomic_write import write_npz
 from kpopnet.runtime.endings import user_errors
 from kpopnet.weights import SHA256
+from synth.body.asset import load_body
 from synth.dances.faults import KEPT_AMPLITUDE, amplitude
 from synth.dances.simulate import FPS, KpopSim, KpopSimConfig, dance_name
 from synth.motion import SPLITS, MotionConfig
-from synth.motion.skeleton import INDEX, PARENTS, Motion, forward_kinematics
+from synth.motion.skeleton import INDEX, LEG_M, PARENTS, Motion, forward_kinematics
 from synth.motion.splice import as_high_as
+from synth.samples.sampler import body_rotations
 
 SEED = 27
 DOWN = np.array([0.0, -1.0, 0.0])
@@ -88,6 +90,13 @@ ROUNDS = (
     (("perfect", 2), ("perfect", 3)),
 )
 """Learners of each dance: the fault and its size, degrees or percent; of `perfect` and of the model of skill only a number."""
+
+
+def on_body(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """(T, B, 4) rotations of the bones of the generator's body, and (T, 3) hips in metres, that dance a motion."""
+    # As `synth.dances.live.motion_of` reads it: from y up, z in front to z up, -y in front.
+    hips_m = motion.root_m[:, (0, 2, 1)] * (1, -1, 1) * LEG_M / motion.leg_m
+    return body_rotations(load_body(), motion.quats, 0.0, np.zeros(2)), hips_m
 
 
 class Learners:

@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from tools.graded_learners import FAULTS
+from tools.graded_learners import FAULTS, on_body
 from tools.measure_noise import Seen, area, enter, measured, own_errors, scored_by_others, spread, summary
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -44,11 +44,8 @@ from kpopnet.teacher.live.lesson import Lesson  # noqa: E402
 from kpopnet.teacher.live.loop import noise_of  # noqa: E402
 from kpopnet.teacher.live.score import scorer_config  # noqa: E402
 from kpopnet.teacher.live.webcam import recorded  # noqa: E402
-from synth.body.asset import load_body  # noqa: E402
 from synth.dances.live import LATE_S  # noqa: E402
 from synth.dances.taught import DANCES, Teacher, composed  # noqa: E402
-from synth.motion.skeleton import LEG_M, Motion  # noqa: E402
-from synth.samples.sampler import body_rotations  # noqa: E402
 
 SECONDS, STRIDE = 8.0, 2
 """Length of a learner's film, and of how many frames of the dance, 30 a second, one is filmed."""
@@ -146,13 +143,6 @@ def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseE
         teacher = Performance(stored["teacher"], np.arange(len(stored["teacher"])) / 30)
         true, by_depth = (Performance(stored[name], stored["times"], stored.get(f"{name}_seen")) for name in ("true", "depth"))
         return Filmed(dance, teacher, true, by_webcam(stored["points"], stored["times"]), by_depth)
-
-
-def on_body(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """(T, B, 4) rotations of the bones of the generator's body, and (T, 3) hips in metres, that dance a motion."""
-    # As `synth.dances.live.motion_of` reads it: from y up, z in front to z up, -y in front.
-    hips_m = motion.root_m[:, (0, 2, 1)] * (1, -1, 1) * LEG_M / motion.leg_m
-    return body_rotations(load_body(), motion.quats, 0.0, np.zeros(2)), hips_m
 
 
 def by_webcam(points: np.ndarray, times_s: np.ndarray) -> Performance:

@@ -88,6 +88,10 @@ class LiveLearner:
         self._shown += 1
         return measure_frame(clean, self.camera, SENSORS["kinect_v1"], self._noise)[0]
 
+    def true_joints_m(self) -> np.ndarray:
+        """(15, 3) float32 true joints of the latest image, metres, in the camera's frame."""
+        return self._take.view.to_camera(self._studio.scene.joints_world_m()).astype(np.float32)
+
     def _placed(self, motion: Motion, fault: str, seed: int) -> Take:
         """The learner in an empty room, see `placed`; with hidden feet, too near."""
         rng, person = np.random.default_rng([seed, 2]), draw_person(np.random.default_rng([seed, 3]), BodyConfig(), "train")

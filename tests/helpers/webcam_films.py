@@ -52,8 +52,7 @@ class FilmedLearner(LiveLearner):
         colours, normals = self._vertex_bgr[near], vertex_normals(vertices, scene.skin.faces)[near]
         bgr[v, u] = (weights * colours).sum(axis=1) * self._lit((weights * normals).sum(axis=1))
         soft = cv2.GaussianBlur(bgr * self._exposure, (3, 3), 0.7) + self._rng.normal(0, NOISE_GREY, bgr.shape)
-        joints_m = self._take.view.to_camera(scene.joints_world_m()).astype(np.float32)
-        return np.clip(soft, 0, 255).astype(np.uint8), joints_m
+        return np.clip(soft, 0, 255).astype(np.uint8), self.true_joints_m()
 
     def _lit(self, normals: np.ndarray) -> np.ndarray:
         facing = normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9) @ self._light
