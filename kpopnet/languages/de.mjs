@@ -201,6 +201,7 @@ export default {
   "what to mend": "was zu verbessern ist",
   "not compared": "nicht verglichen",
   "no fault stands out": "kein Fehler fällt auf",
+  "differences throughout, of which none stands out": "durchweg Abweichungen, von denen keine auffällt",
   "practise, slowed first": "üben, zuerst langsam",
   "{time} are taken off from now on.": "{time} werden ab jetzt abgezogen.",
   "I was on time: take off {time}": "Ich war im Takt: {time} abziehen",

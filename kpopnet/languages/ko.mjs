@@ -201,6 +201,7 @@ export default {
   "what to mend": "고칠 점",
   "not compared": "비교 못 함",
   "no fault stands out": "눈에 띄는 실수 없음",
+  "differences throughout, of which none stands out": "전체적으로 차이가 있으나 특별히 눈에 띄는 것은 없음",
   "practise, slowed first": "느린 속도부터 연습",
   "{time} are taken off from now on.": "이제부터 {time} 보정해요.",
   "I was on time: take off {time}": "박자에 맞게 췄어요: {time} 보정하기",

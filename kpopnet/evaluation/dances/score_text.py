@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
-from kpopnet.dance.feedback import Feedback, Phrase
+from kpopnet.dance.feedback import RIGHT, Feedback, Phrase
 from kpopnet.dance.noise.table import RECORDED, SEEN
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.words.moments import at, clock
@@ -79,7 +79,12 @@ def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
 
 def _phrase_text(phrase: Phrase) -> str:
     """A phrase with what was not seen and its worst moments, the worst first."""
-    nothing = Said("not compared") if phrase.similarity is None else Said("no fault stands out")
+    if phrase.similarity is None:
+        nothing = Said("not compared")
+    elif phrase.similarity >= RIGHT:
+        nothing = Said("no fault stands out")
+    else:
+        nothing = Said("differences throughout, of which none stands out")
     return Said(
         "{start} to {end}, {figure}: {what}",
         start=clock(phrase.start_s),

@@ -78,6 +78,14 @@ def test_the_page_holds_both_movements_and_the_json_the_score(files, run, tmp_pa
     assert content["warnings"] == [] and content["scorer"]["name"] == "dance22" and content["teacher"] == str(teacher)
 
 
+def test_joints_that_tremble_cost_points_though_no_fault_stands_out(files, run, tmp_path):
+    joints_m = files[2] + np.random.default_rng(0).normal(0, 0.04, files[2].shape)
+    np.savez(tmp_path / "trembling.npz", joints_m=joints_m, fps=30)
+    printed = run(files[0], tmp_path / "trembling.npz")
+    phrases = re.findall(r"to 0:\d\d, (\d+): differences throughout, of which none stands out", printed)
+    assert phrases and all(20 < int(score) < 90 for score in phrases)
+
+
 def test_what_no_dancer_does_is_corrected_and_told(files, run, tmp_path):
     teacher, _, joints_m, _ = files
     dance = corrected(Performance(joints_m, np.arange(len(joints_m)) / 30 + 5), "mirrored")
