@@ -100,8 +100,8 @@ def holds_depth(path: Path) -> bool:
     Raises InputError for a file of neither.
     """
     if path.suffix.lower() != ".npz":
-        of_depth = (*READERS, *WITH_NAMES, *CONVERTERS)
-        known = path.is_dir() or path.suffix.lower() in (*of_depth, *NOT_DEPTH)
+        of_depth = (*READERS, *WITH_NAMES)
+        known = path.is_dir() or path.suffix.lower() in (*of_depth, *CONVERTERS, *NOT_DEPTH)  # their readers give advice
         text = f"joints in a file {', '.join(JOINT_SUFFIXES)}, or depth in a folder or file {', '.join(of_depth)}"
         expect(known, str(path), text)
         return path.is_dir() or path.suffix.lower() not in NOT_DEPTH
