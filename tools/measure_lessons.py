@@ -18,10 +18,10 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.dance.feedback import feedback
+from kpopnet.dance.noise.table import SEEN
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore, score_dance
 from kpopnet.data.made_sets import claim_folder
-from kpopnet.networks import WEIGHTS
 from kpopnet.pose import PoseEstimator
 from kpopnet.programs.score import seen_teacher
 from kpopnet.runtime.atomic_write import write_json, write_npz
@@ -128,7 +128,8 @@ def main() -> None:
     parser.add_argument("--dances", type=int, nargs=2, default=(80, 88), metavar=("FROM", "TO"), help="numbers: %(default)s")
     parser.add_argument("--figures", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
-    claim_folder(given.folder, "*.npz", {"weights": SHA256["joints"][WEIGHTS], "seconds": SECONDS})
+    weights = {name: digest for files in SHA256.values() for name, digest in files.items()}
+    claim_folder(given.folder, "*.npz", {"seconds": SECONDS, "stride": STRIDE, **weights})
     estimator, learners = PoseEstimator.load(), []
     dances = range(DANCES + given.dances[0], DANCES + given.dances[1])
     with tqdm(total=len(dances) * len(KINDS), unit="learner") as bar:
@@ -142,7 +143,7 @@ def main() -> None:
         teachers = {one.dance: one.teacher for one in learners}
         if is_seen:
             teachers = {dance: as_seen(given.folder / f"{dance}_{way}.npz", one, name) for dance, one in teachers.items()}
-        noise = f"{name}_seen_teacher" if is_seen else name
+        noise = f"{name}{SEEN}" if is_seen else name
         found[way] = figures(learners, [scored(teachers[one.dance], one.estimated[name], noise) for one in learners], true)
         print(way, found[way])
     if given.figures:
