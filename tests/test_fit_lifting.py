@@ -32,7 +32,7 @@ def points_of(joints_m):
 def write_film(folder, number):
     true_m = dance_joints_m(number)[:300:5]
     points = np.stack([points_of(joints_m) for joints_m in true_m])
-    points[7] = np.nan  # nobody was found
+    points[7] = np.nan  # no person was found
     folder.mkdir(exist_ok=True)
     np.savez(folder / f"film_{number:05d}.npz", points=points.astype(np.float32), true_m=true_m.astype(np.float32))
 

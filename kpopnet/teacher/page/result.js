@@ -208,10 +208,10 @@ function phraseTable(found, dance, watch, practiseAt) {
   const rows = found.phrases.map((one) => {
     const phrase = phraseAt(one.start_s, dance);
     const words = [...(one.unseen || []), ...one.moments.map(({ text }) => text)].map((text) => say(text)).join("; ");
-    const all = one.total >= RIGHT ? "no fault stands out" : "differences throughout, of which none stands out";
+    const unnamed = one.total >= RIGHT ? "no fault stands out" : "differences throughout, of which none stands out";
     return el("tr", {}, el("td", {}, el("button", { type: "button", onclick: () => watch(one.start_s, one.end_s) }, say("phrase {number}, {time}", { number: phrase + 1, time: clock(one.start_s) }))),
       el("td", {}, one.total === null ? "–" : String(Math.round(one.total))),
-      el("td", {}, el("div", {}, words || say(one.total === null ? "not compared" : all)),
+      el("td", {}, el("div", {}, words || say(one.total === null ? "not compared" : unnamed)),
         practiseAt && one.total !== null && practisable(phrase, dance) ? el("a", { class: "practise", href: practiseAt(phrase) }, say("practise, slowed first")) : null));
   });
   return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["phrase", "score", "what to mend"].map((text) => el("th", {}, say(text))))),
