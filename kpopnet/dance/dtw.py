@@ -175,7 +175,7 @@ def _backtrack(end, step, slope):
     path = np.empty((2 * (n + columns), 2), np.int64)
     i, k, length = n - 1, end, 0
     while True:
-        path[length] = i, k
+        path[length, 0], path[length, 1] = i, k
         length += 1
         by = step[i, k]
         if by == _START:
@@ -188,7 +188,7 @@ def _backtrack(end, step, slope):
         else:
             k -= 1
         if slope:  # a step in which one of the two advances is always preceded by a step in which both do
-            path[length] = i, k
+            path[length, 0], path[length, 1] = i, k
             length += 1
             i -= 1
     return path[:length][::-1].copy()

@@ -182,7 +182,7 @@ def _boxes(decided, people):
                 continue
             box = boxes[decided[y, x] - 1]
             if box[3] == 0:
-                box[:] = x, y, x + 1, y + 1
+                box[0], box[1], box[2], box[3] = x, y, x + 1, y + 1  # box[:] = ... compiles for two seconds
             box[0], box[2], box[3] = min(box[0], x), max(box[2], x + 1), y + 1
     return boxes
 

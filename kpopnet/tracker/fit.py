@@ -367,7 +367,7 @@ def pose_cost(joints_m, grid, body, stride=1):
     for k in range(len(segments)):
         cost += free_space_cost(segments, k, grid.depth_m, grid.nearest, grid.intrinsics)
     cost += joint_prior(joints_m, frame[2], 0, len(JOINT_PRIORS))
-    return cost + penetration_cost(segments, 0, len(COLLISION_PAIRS), np.inf)
+    return cost + penetration_cost(segments, np.int64(0), len(COLLISION_PAIRS), np.inf)
 
 
 def fit(

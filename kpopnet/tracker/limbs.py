@@ -76,6 +76,9 @@ def _limb_poses() -> tuple[np.ndarray, np.ndarray]:
 
 LIMB_POSES, LIMB_POSE_RANGES = _limb_poses()
 
+EVERY_PART = np.arange(len(PARTS))
+"""A constant, as `LIMB_PARTS`: numba compiles a kernel once for constant arrays and once for others."""
+
 
 class Tips(NamedTuple):
     """Where each limb would end and bend if it had each tip of the silhouette."""
@@ -117,7 +120,7 @@ def torso_points(segments, points):
     """(N,) whether a point lies on the torso or the head, and closer to it than to any limb."""
     is_limb = np.zeros(len(PARTS), np.bool_)
     is_limb[LIMB_PARTS.ravel()] = True
-    part, distances, _ = nearest_parts(segments, points, 1)
+    part, distances, _ = nearest_parts(segments, points, np.int64(1))  # not 1, which would be compiled anew
     return ~is_limb[part] & (np.abs(distances) < TORSO_TOLERANCE_M)
 
 
@@ -310,10 +313,10 @@ def refit_limbs(joints_m, previous_m, grid, body, stride=1):
     segments, part_distances = part_segments(rows, body.radii_m), np.empty((len(PARTS), len(points)))
     tips = find_tips(segments, grid, body)
     context = Context(grid, body, previous_m, frame, rows, segments, points, part_distances, tips)
-    _measure_parts(context, np.arange(len(PARTS)))
+    _measure_parts(context, EVERY_PART)
     refitted = np.zeros(len(LIMBS), np.bool_)
     while not refitted.all():
-        best_limb, best_gain, best_ends, best_tip = -1, MIN_GAIN_M2, rows[:2], -1
+        best_limb, best_gain, best_ends, best_tip = np.int64(-1), MIN_GAIN_M2, rows[:2], -1
         for limb in range(len(LIMBS)):
             if not refitted[limb]:
                 gain, ends, tip = _best_candidate(limb, best_gain, context)

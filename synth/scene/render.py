@@ -233,7 +233,7 @@ def _rasterise(points, faces, fx, fy, cx, cy, near, inverse):
             corners = _clip(points, faces[f], near, polygon)
             for c in range(corners):
                 w = 1.0 / polygon[c, 2]
-                polygon[c] = fx * polygon[c, 0] * w + cx, fy * polygon[c, 1] * w + cy, w
+                polygon[c, 0], polygon[c, 1], polygon[c, 2] = fx * polygon[c, 0] * w + cx, fy * polygon[c, 1] * w + cy, w
             u, v, w = polygon[:, 0], polygon[:, 1], polygon[:, 2]
             _triangle(u[0], v[0], w[0], u[1], v[1], w[1], u[2], v[2], w[2], inverse)
             if corners == 4:
