@@ -75,7 +75,6 @@ class RidgeStages(NamedTuple):
     # outside the image
     ratio: np.ndarray
     ridge: np.ndarray  # bool, the ridge data
-    probability: np.ndarray  # float32 in 0..1, see `ridge_probability`
 
 
 def ridge_stages(depth_m: np.ndarray, config: RidgeConfig) -> RidgeStages:
@@ -89,7 +88,7 @@ def ridge_stages(depth_m: np.ndarray, config: RidgeConfig) -> RidgeStages:
     distance_px[box] = np.where(squared == NO_EDGE, np.inf, np.sqrt(squared))
     ratio_image = np.ones(depth_m.shape, np.float32)
     ratio_image[box] = ratio
-    return RidgeStages(edges, distance_px, ratio_image, ridge_data(depth_m, config), ridge_probability(depth_m, config))
+    return RidgeStages(edges, distance_px, ratio_image, ridge_data(depth_m, config))
 
 
 def ridge_data(depth_m: np.ndarray, config: RidgeConfig) -> np.ndarray:

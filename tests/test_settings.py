@@ -15,6 +15,7 @@ from kpopnet.paper_extraction import PaperExtractionConfig
 from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.ridge import RidgeConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
+from kpopnet.training.finder import FinderTraining
 from kpopnet.training.loop import TrainingConfig
 from synth.__main__ import GenerateConfig, parse_range
 from synth.dances.simulate import KpopSimConfig
@@ -40,6 +41,7 @@ TOLD = {
     r"model\.half_size_m=115\.0: expected metres": partial(ModelConfig, half_size_m=115.0),
     r"four multiples of 8": partial(ModelConfig, widths=[4, 8, 8, 16]),
     r"training\.lr": partial(TrainingConfig, lr=-1.0),
+    r"training\.part=outlines: expected one of finder, masks": partial(FinderTraining, part="outlines"),
     r"^training\.augment\.rotation_deg=-3": partial(AugmentConfig, rotation_deg=-3.0),
     r"processes=-1": partial(EvaluateConfig, None, {}, processes=-1),
     r"seed=-1": partial(EvaluateConfig, None, {}, seed=-1),

@@ -23,8 +23,7 @@ from kpopnet.finder.people import (
     gather_people,
 )
 from kpopnet.human import Human, Look, Looker
-from kpopnet.networks.backend import filters, onnx_session
-from kpopnet.weights import shipped
+from kpopnet.networks.backend import shipped_session
 
 LEAST_PROBABILITY, LEAST_M2, LEAST_CELLS = 0.4, 0.03, 8
 """Of the cells of a person; the least surface that shows of a person, and the least number of their cells."""
@@ -141,6 +140,5 @@ def open_finder(weights: str | None = None) -> Network:
         from kpopnet.finder.network import torch_finder  # takes a second to import
 
         return torch_finder(weights)
-    stored, graph = shipped("finder")
-    session = onnx_session(graph, graph.read_bytes(), filters(stored))
+    session = shipped_session("finder")
     return lambda depth_m, intrinsics: session.run(list(OUTPUT_NAMES), dict(zip(INPUTS, (depth_m, intrinsics), strict=True)))

@@ -18,8 +18,7 @@ from kpopnet.data.canvas import STRIDE
 from kpopnet.data.cube import PLAIN_VIEW, Cube, crop_pixels
 from kpopnet.data.person_masks import CROP_PX, HALF_M, OTHER, OWN
 from kpopnet.finder.people import BESIDE_M, BESIDE_PER_M, NO_PERSON, OwnedCells, pixel_owners
-from kpopnet.networks.backend import filters, onnx_session
-from kpopnet.weights import shipped
+from kpopnet.networks.backend import shipped_session
 
 INPUTS, OUTPUT_NAMES = ("depth_m", "owner", "centre_m"), ("probability",)
 Network = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -42,8 +41,7 @@ def open_masks() -> Network:
 
     Raises InputError if it is missing.
     """
-    stored, graph = shipped("masks")
-    session = onnx_session(graph, graph.read_bytes(), filters(stored))
+    session = shipped_session("masks")
     return lambda *crops: session.run(list(OUTPUT_NAMES), dict(zip(INPUTS, crops, strict=True)))[0]
 
 
@@ -172,19 +170,10 @@ def _decide(depth_m, crop, number, decided, surest):
                         decided[y, x], surest[y, x] = number, theirs
 
 
-@njit(cache=True)
-def _boxes(decided, people):
+def _boxes(decided: np.ndarray, people: int) -> np.ndarray:
     """(people, 4) x0, y0, x1, y1 of their pixels, the last two exclusive; of who has none all 0."""
-    boxes = np.zeros((people, 4), np.int32)
-    for y in range(decided.shape[0]):
-        for x in range(decided.shape[1]):
-            if not decided[y, x]:
-                continue
-            box = boxes[decided[y, x] - 1]
-            if box[3] == 0:
-                box[0], box[1], box[2], box[3] = x, y, x + 1, y + 1  # box[:] = ... compiles for two seconds
-            box[0], box[2], box[3] = min(box[0], x), max(box[2], x + 1), y + 1
-    return boxes
+    boxes = (cv2.boundingRect((decided == number).view(np.uint8)) for number in range(1, people + 1))
+    return np.array([(x, y, x + width, y + height) for x, y, width, height in boxes], np.int32)
 
 
 @njit(cache=True)

@@ -75,21 +75,16 @@ def gather_people(cells: Cells, least_probability: float, least_m2: float, least
     return People(centres_m[kept - 1], score.astype(np.float32), surface_m2[kept].astype(np.float32), size[kept], owner)
 
 
-@njit(cache=True)
-def _agreed(points, weights, least):
+def _agreed(points: np.ndarray, weights: np.ndarray, least: float) -> np.ndarray:
     """(P, 3) the centres on which more than the least weight of votes agrees, one after another, each without those before."""
-    free, centres, found = np.ones(len(points), np.bool_), np.zeros((MOST_PEOPLE, 3), np.float32), 0
-    while found < MOST_PEOPLE:
+    free, centres = np.ones(len(points), bool), []
+    while len(centres) < MOST_PEOPLE:
         centre, weight = _densest(points, weights, free)
         if weight < least:
             break
-        for k in range(len(points)):
-            if free[k] and _squared(points[k], centre) < TAKEN_M**2:
-                free[k] = False
-        for axis in range(3):
-            centres[found, axis] = centre[axis]
-        found += 1
-    return centres[:found]
+        free &= np.square(points - centre).sum(axis=1) >= TAKEN_M**2
+        centres.append(centre)
+    return np.array(centres, np.float32).reshape(-1, 3)
 
 
 @njit(cache=True)
@@ -105,17 +100,12 @@ def _nearest_centres(points, centres):
     return nearest
 
 
-@njit(cache=True)
-def _are_whole(centres, weight, order):
+def _are_whole(centres: np.ndarray, weight: np.ndarray, order: np.ndarray) -> np.ndarray:
     """(P,) bool, the heaviest first: not where a small part of a nearby person's votes agrees, a hand's or a foot's."""
-    kept = np.zeros(len(centres), np.bool_)
+    kept = np.zeros(len(centres), bool)
     for person in order:
-        kept[person] = True
-        for other in range(len(centres)):
-            near = kept[other] and other != person and _squared(centres[person], centres[other]) < PART_M**2
-            if near and weight[person] < PART_SHARE * weight[other]:
-                kept[person] = False
-                break
+        near = kept & (np.square(centres - centres[person]).sum(axis=1) < PART_M**2)
+        kept[person] = not (weight[person] < PART_SHARE * weight[near]).any()
     return kept
 
 

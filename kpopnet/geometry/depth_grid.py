@@ -56,7 +56,6 @@ class DepthGrid(NamedTuple):
     """A depth image sampled once per cell of about `CELL_M` x `CELL_M` at the person's depth."""
 
     points_m: np.ndarray  # (N, 3) float64, the point at the middle pixel of each measured cell, in the camera frame in metres
-    index: np.ndarray  # (h, w) int32 number of each cell's point in points_m, or -1
     neighbours: np.ndarray  # (N, 8) int32 neighbours of each point, see `kpopnet.geometry.depth_grid.neighbour_graph`
     edge_lengths_m: np.ndarray  # (N, 8) float64 lengths of the edges to the neighbours in metres
     nearest: np.ndarray  # (h, w, 2) int32 row and column of the nearest measured cell; negative if no cell is measured
@@ -69,7 +68,7 @@ def build_depth_grid(depth_m: np.ndarray, camera: Camera) -> DepthGrid:
     depth_m = denoised(np.ascontiguousarray(depth_m))
     intrinsics = np.array([camera.fx, camera.fy, camera.cx, camera.cy, _cell_side_px(depth_m, camera.fx)])
     points_m, index = cell_points(depth_m, intrinsics)
-    return DepthGrid(points_m, index, *neighbour_graph(points_m, index), _nearest(index), depth_m, intrinsics)
+    return DepthGrid(points_m, *neighbour_graph(points_m, index), _nearest(index), depth_m, intrinsics)
 
 
 def _cell_side_px(depth_m: np.ndarray, fx: float) -> int:

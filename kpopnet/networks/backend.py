@@ -72,6 +72,12 @@ def _place(checkpoint: Path | str | None) -> Path:
     return shipped("joints")[0].parent if checkpoint is None else Path(checkpoint)
 
 
+def shipped_session(network: str) -> Any:
+    """`onnx_session` of a network that comes with the package; raises InputError if it is missing."""
+    weights, graph = shipped(network)
+    return onnx_session(graph, graph.read_bytes(), filters(weights))
+
+
 def filters(weights: Path) -> dict[str, np.ndarray]:
     """The filters of a checkpoint by their names in its ONNX file, each with the batch normalisation that follows it."""
     stored, merged = {name: value.astype(np.float32) for name, value in load_file(weights).items()}, {}

@@ -26,9 +26,10 @@ from kpopnet.geometry.depth_grid import cell_points, geodesic_distances, neighbo
 from kpopnet.geometry.human_model import LIMB_PARENTS
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
-HEAD, TORSO = int(Joint.HEAD), int(Joint.TORSO)
-RIGHT_SHOULDER, LEFT_SHOULDER = int(Joint.RIGHT_SHOULDER), int(Joint.LEFT_SHOULDER)
-RIGHT_HIP, LEFT_HIP = int(Joint.RIGHT_HIP), int(Joint.LEFT_HIP)
+# Of each plain number numba would make a type of its own, and compile what takes it anew.
+HEAD, TORSO = np.int64(Joint.HEAD), np.int64(Joint.TORSO)
+RIGHT_SHOULDER, LEFT_SHOULDER = np.int64(Joint.RIGHT_SHOULDER), np.int64(Joint.LEFT_SHOULDER)
+RIGHT_HIP, LEFT_HIP = np.int64(Joint.RIGHT_HIP), np.int64(Joint.LEFT_HIP)
 
 TRUNK = (HEAD, RIGHT_SHOULDER, LEFT_SHOULDER, TORSO, RIGHT_HIP, LEFT_HIP)
 """The joints of the head-shoulder-torso structure, and the hips."""
@@ -157,7 +158,6 @@ def candidates_of(joint, frame, joints, plan):
     return collect(joint, frame.raw_m, frame.raw_cell, geodesics_m, joints, plan)
 
 
-@njit(cache=True)
 def track_frame(frame, state, plan):
     """Algorithm 2 for one `Frame`: the `State` after it, and (15,) the number of valid candidates of each joint, 0 where they
     are insufficient.

@@ -13,11 +13,11 @@ people do, the confidence cannot know it.
 """
 
 import numpy as np
-from numba import njit
 
 from kpopnet.geometry.body import PARTS, ROW_TO_JOINT, Body
 from kpopnet.geometry.cones import body_segments, nearest_parts
 from kpopnet.geometry.depth_grid import DepthGrid
+from kpopnet.skeleton import NUM_JOINTS
 
 TRACKED_WEIGHTS, REFINED_WEIGHTS = (-4.976, 3.095, 5.509), (1.564, 0.726, 1.984, -0.319)
 """Weights of `tracked_evidence` and of `refined_evidence`."""
@@ -51,20 +51,13 @@ def refined_evidence(detected: np.ndarray, score: np.ndarray, moved_m: np.ndarra
 
 
 def fit_score(joints_m: np.ndarray, grid: DepthGrid, body: Body) -> np.ndarray:
-    """(15,) in 0..1: how well the points around each joint lie on the body's surface; 0 without any points."""
-    sums = _residuals(joints_m, grid.points_m, body)
-    residual_m = sums[:, 0] / np.maximum(sums[:, 1], 1)
-    return np.minimum(sums[:, 1] / FULL_SUPPORT_POINTS, 1) / (1 + (residual_m / HALF_SCORE_M) ** 2)
+    """(15,) in 0..1: how well the points around each joint lie on the body's surface; 0 without any points.
 
-
-@njit(cache=True)
-def _residuals(joints, points, body):
-    """(15, 2) sum of absolute residuals and number of points; each point counts for the nearer end of its part."""
-    sums = np.zeros((len(joints), 2))
-    # A plain 1 would be a type of its own, and the kernel compiled twice.
-    part, distances, along = nearest_parts(body_segments(joints, body), points, np.int64(1))
-    for i in range(len(points)):
-        joint = ROW_TO_JOINT[PARTS[part[i], 0] if along[i] < 0.5 else PARTS[part[i], 1]]
-        sums[joint, 0] += min(abs(distances[i]), MAX_RESIDUAL_M)
-        sums[joint, 1] += 1
-    return sums
+    Each point counts for the nearer end of its part.
+    """
+    part, off_m, along = nearest_parts(body_segments(joints_m, body), grid.points_m, 1)
+    joint = ROW_TO_JOINT[PARTS[part, (along >= 0.5).astype(int)]]
+    points = np.bincount(joint, minlength=NUM_JOINTS)
+    off_m = np.minimum(np.abs(off_m.astype(np.float64)), MAX_RESIDUAL_M)
+    residual_m = np.bincount(joint, off_m, NUM_JOINTS) / np.maximum(points, 1)
+    return np.minimum(points / FULL_SUPPORT_POINTS, 1) / (1 + (residual_m / HALF_SCORE_M) ** 2)

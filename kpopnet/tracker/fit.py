@@ -360,13 +360,13 @@ def _surface(joints, points, body, stride):
 
 
 @njit(cache=True)
-def pose_cost(joints_m, grid, body, stride=1):
+def pose_cost(joints_m, grid, body, stride):
     """Cost of (15, 3) joints given the depth image, square metres: all terms but the lengths, with every `stride`th point."""
     segments, nearest, frame = _surface(joints_m, grid.points_m, body, stride)
     cost = points_cost(nearest[1])
     for k in range(len(segments)):
         cost += free_space_cost(segments, k, grid.depth_m, grid.nearest, grid.intrinsics)
-    cost += joint_prior(joints_m, frame[2], 0, len(JOINT_PRIORS))
+    cost += joint_prior(joints_m, frame[2], np.int64(0), len(JOINT_PRIORS))
     return cost + penetration_cost(segments, np.int64(0), len(COLLISION_PAIRS), np.inf)
 
 
@@ -405,7 +405,9 @@ def _fit(start, grid, body, iterations, stride, start_weight):
                 matrix[COLUMN[j] + c, COLUMN[j] + c] += start_weight / len(joints)
                 rhs[COLUMN[j] + c] += start_weight / len(joints) * (start[j, c] - joints[j, c])
         solve(matrix, rhs)
-        max_update = np.abs(rhs).max()
+        max_update = 0.0
+        for k in range(size):  # numba compiles a maximum of an array for a second
+            max_update = max(max_update, abs(rhs[k]))
         factor = min(1.0, MAX_UPDATE_M / (max_update + 1e-12))
         for j in range(len(joints)):
             for c in range(3):

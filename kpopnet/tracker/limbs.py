@@ -76,8 +76,8 @@ def _limb_poses() -> tuple[np.ndarray, np.ndarray]:
 
 LIMB_POSES, LIMB_POSE_RANGES = _limb_poses()
 
-EVERY_PART = np.arange(len(PARTS))
-"""A constant, as `LIMB_PARTS`: numba compiles a kernel once for constant arrays and once for others."""
+OF_LIMB = np.isin(np.arange(len(PARTS)), LIMB_PARTS)
+"""(P,) whether a part is one of a limb."""
 
 
 class Tips(NamedTuple):
@@ -102,7 +102,6 @@ class Context(NamedTuple):
     tips: Tips  # of the silhouette
 
 
-@njit(cache=True)
 def find_tips(segments, grid, body):
     """The `Tips` of a silhouette, with limbs of the body's lengths, for a body whose torso is approximately correct."""
     points, source = grid.points_m, torso_points(segments, grid.points_m)
@@ -115,13 +114,10 @@ def find_tips(segments, grid, body):
     return Tips(ends, middles, np.zeros(len(tips), np.bool_))
 
 
-@njit(cache=True)
 def torso_points(segments, points):
     """(N,) whether a point lies on the torso or the head, and closer to it than to any limb."""
-    is_limb = np.zeros(len(PARTS), np.bool_)
-    is_limb[LIMB_PARTS.ravel()] = True
-    part, distances, _ = nearest_parts(segments, points, np.int64(1))  # not 1, which would be compiled anew
-    return ~is_limb[part] & (np.abs(distances) < TORSO_TOLERANCE_M)
+    part, distances, _ = nearest_parts(segments, points, 1)
+    return ~OF_LIMB[part] & (np.abs(distances) < TORSO_TOLERANCE_M)
 
 
 @njit(cache=True)
@@ -301,8 +297,7 @@ def _best_candidate(limb, least_gain, context):
     return gain, candidates[best], tip_of[best]
 
 
-@njit(cache=True)
-def refit_limbs(joints_m, previous_m, grid, body, stride=1):
+def refit_limbs(joints_m, previous_m, grid, body, stride):
     """Refits limbs along the silhouette to its tips, or in a sampled pose, where that lowers the cost: each limb at most once,
     the largest decrease first. (15, 3) the pose, and the number of refitted limbs.
 
@@ -313,10 +308,10 @@ def refit_limbs(joints_m, previous_m, grid, body, stride=1):
     segments, part_distances = part_segments(rows, body.radii_m), np.empty((len(PARTS), len(points)))
     tips = find_tips(segments, grid, body)
     context = Context(grid, body, previous_m, frame, rows, segments, points, part_distances, tips)
-    _measure_parts(context, EVERY_PART)
+    _measure_parts(context, np.arange(len(PARTS)))
     refitted = np.zeros(len(LIMBS), np.bool_)
     while not refitted.all():
-        best_limb, best_gain, best_ends, best_tip = np.int64(-1), MIN_GAIN_M2, rows[:2], -1
+        best_limb, best_gain, best_ends, best_tip = -1, MIN_GAIN_M2, rows[:2], -1
         for limb in range(len(LIMBS)):
             if not refitted[limb]:
                 gain, ends, tip = _best_candidate(limb, best_gain, context)

@@ -123,7 +123,7 @@ def find_upright(grid: DepthGrid, postures: tuple[str, ...] = ("standing", "sitt
             joints_m = fit(pose_m @ _about_vertical(heading) + place_m, grid, body, START_ITERATIONS, stride)
             joints_m, _ = refit_limbs(joints_m, joints_m, grid, body, stride)
             joints_m = fit(joints_m, grid, body, FINAL_ITERATIONS)
-            if (cost_m2 := pose_cost(joints_m, grid, body)) < least_m2:
+            if (cost_m2 := pose_cost(joints_m, grid, body, 1)) < least_m2:
                 best, least_m2 = (joints_m, model), cost_m2
     return best
 

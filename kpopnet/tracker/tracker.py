@@ -154,7 +154,7 @@ class Tracker:
             # Out of reach of the last pose: who was hidden comes back elsewhere, or images are missing. A mask that covers two
             # people for a moment has another median too, but no pose explains it.
             there_m = fit(last.joints_m + moved_m, grid, body, FINAL_ITERATIONS)
-            if pose_cost(there_m, grid, body) < MAX_BASELINE_RATIO * last.baseline_cost_m2:
+            if pose_cost(there_m, grid, body, 1) < MAX_BASELINE_RATIO * last.baseline_cost_m2:
                 candidates.append(there_m)
         fitted_m = _best_fit(candidates, expected_m, grid, body, stride)
         joints_m, _ = refit_limbs(fitted_m, last.joints_m, grid, body, stride)
@@ -190,7 +190,7 @@ class Tracker:
 
     def _next_state(self, joints_m: np.ndarray, depth_m: np.ndarray, grid: DepthGrid) -> State:
         """The state with these fitted joints, or with a detected or a mirrored pose if that explains the depth better."""
-        last, cost_m2 = self.state, pose_cost(joints_m, grid, self.body)
+        last, cost_m2 = self.state, pose_cost(joints_m, grid, self.body, 1)
         baseline_m2, evidence = last.baseline_cost_m2, last.flip_evidence
         if cost_m2 < MAX_BASELINE_RATIO * baseline_m2:
             baseline_m2 += BASELINE_RATE * (cost_m2 - baseline_m2)
@@ -199,11 +199,11 @@ class Tracker:
             found_m = self.detector.estimate(depth_m[None], self.camera).joints_camera_m[0]
             if np.isfinite(found_m).all():
                 detected_m = fit(found_m, grid, self.body, FINAL_ITERATIONS, prior_weight=DETECTION_PRIOR_WEIGHT)
-        if detected_m is not None and pose_cost(detected_m, grid, self.body) < ACCEPT_DETECTED * cost_m2:
+        if detected_m is not None and pose_cost(detected_m, grid, self.body, 1) < ACCEPT_DETECTED * cost_m2:
             joints_m, evidence = detected_m, 0.0
         elif self._person.frames % FLIP_STRIDE == 0 and torso_frame(joints_m)[1, 1] >= FLIP_UPRIGHT:
             mirrored_m = fit(joints_m[MIRROR], grid, self.body, FLIP_ITERATIONS)
-            gain = np.log(cost_m2 / pose_cost(mirrored_m, grid, self.body))
+            gain = np.log(cost_m2 / pose_cost(mirrored_m, grid, self.body, 1))
             evidence = max(evidence + min(gain, FLIP_CLIP), 0.0)
             if evidence > FLIP_THRESHOLD:
                 joints_m, evidence = mirrored_m, 0.0

@@ -13,6 +13,7 @@ from kpopnet.geometry.depth_grid import (
     UNREACHABLE_M,
     _nearest,
     build_depth_grid,
+    cell_points,
     denoised,
     geodesic_distances,
     neighbour_graph,
@@ -27,11 +28,12 @@ def test_cells_hold_the_point_at_their_middle_pixel() -> None:
     grid = build_depth_grid(depth, CAMERA)
     side_px = int(grid.intrinsics[4])
     points = CAMERA.points(depth)[side_px // 2 :: side_px, side_px // 2 :: side_px]
-    assert grid.index.shape == points.shape[:2]
-    measured = grid.index >= 0
+    points_m, index = cell_points(depth, grid.intrinsics)
+    assert index.shape == points.shape[:2]
+    measured = index >= 0
     np.testing.assert_array_equal(measured, points[..., 2] > 0)
-    np.testing.assert_allclose(grid.points_m[grid.index[measured]], points[measured], atol=1e-5)
-    assert sorted(grid.index[measured]) == list(range(len(grid.points_m)))
+    np.testing.assert_allclose(points_m[index[measured]], points[measured], atol=1e-5)
+    assert sorted(index[measured]) == list(range(len(points_m))) and np.array_equal(points_m, grid.points_m)
 
 
 @pytest.mark.parametrize(("z_m", "scale"), [(1.0, 1.0), (3.5, 0.5), (3.5, 2.0)])

@@ -20,17 +20,17 @@ from kpopnet.tracker.fit import COLUMN, JOINT_PRIOR_WEIGHT, JOINT_PRIORS, fit, p
 
 def test_the_true_pose_has_the_lowest_cost(person) -> None:  # noqa: F811
     joints, body, grid = person
-    least = pose_cost(joints, grid, body)
+    least = pose_cost(joints, grid, body, 1)
     assert least < 2e-4
     for seed in range(5):
-        assert pose_cost(moved(joints, seed), grid, body) > least
-        assert pose_cost(moved(joints, seed, 0.1, 0.2), grid, body) > 3 * least
+        assert pose_cost(moved(joints, seed), grid, body, 1) > least
+        assert pose_cost(moved(joints, seed, 0.1, 0.2), grid, body, 1) > 3 * least
     for offset in ((0, 0, -0.3), (0.4, 0, 0), (0, 0, 0.5)):
-        assert pose_cost(joints + offset, grid, body) > 10 * least
+        assert pose_cost(joints + offset, grid, body, 1) > 10 * least
     for end, offset in ((end, offset) for end in LIMBS[:, 2] for offset in np.eye(3)):
         wrong = joints.copy()
         wrong[end] += 0.15 * offset
-        assert pose_cost(wrong, grid, body) > least
+        assert pose_cost(wrong, grid, body, 1) > least
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_the_fit_converges_from_a_small_displacement_and_stays(person) -> None: 
     start = moved(joints, 0)
     found = fit(start, grid, body, iterations=15)
     assert error_m(found, joints).mean() < 0.02 < 0.03 < error_m(start, joints).min()
-    assert pose_cost(found, grid, body) < pose_cost(start, grid, body)
+    assert pose_cost(found, grid, body, 1) < pose_cost(start, grid, body, 1)
     assert error_m(fit(joints, grid, body, iterations=30), joints).mean() < 0.02
 
 
@@ -217,7 +217,7 @@ def test_bodies_outside_the_view_are_no_error(person) -> None:  # noqa: F811
     joints, body, grid = person
     places = [joints + offset for offset in ((9, 0, 0), (0, -9, 0), (0, 0, -3.2), (0, 0, -9), (0, 0, 90))]
     for pose in (*places, np.zeros((NUM_JOINTS, 3))):
-        assert np.isfinite(fit(pose, grid, body, iterations=4)).all() and np.isfinite(pose_cost(pose, grid, body))
+        assert np.isfinite(fit(pose, grid, body, iterations=4)).all() and np.isfinite(pose_cost(pose, grid, body, 1))
 
 
 def test_shoulders_sink_with_the_arms() -> None:

@@ -36,17 +36,17 @@ def test_a_lost_limb_is_recovered(limb: int, pose: dict, angle_deg: float, middl
     joints = cone_joints(**pose)
     body, grid = seen(joints)
     wrong = swung(joints, limb, angle_deg)
-    found, changes = refit_limbs(wrong, joints, grid, body)
+    found, changes = refit_limbs(wrong, joints, grid, body, 1)
     middle, end = np.linalg.norm(found - joints, axis=1)[LIMBS[limb, 1:]]
     assert changes >= 1 and middle < middle_m and end < end_m
-    assert pose_cost(found, grid, body) < pose_cost(wrong, grid, body)
+    assert pose_cost(found, grid, body, 1) < pose_cost(wrong, grid, body, 1)
 
 
 @pytest.mark.parametrize("pose", [{"elevation_deg": 10, "elbow_deg": 60}, {"elevation_deg": -40, "yaw_deg": 25}])
 def test_a_correct_pose_is_kept(pose: dict) -> None:
     joints = cone_joints(**pose)
     body, grid = seen(joints)
-    found, changes = refit_limbs(joints, joints, grid, body)
+    found, changes = refit_limbs(joints, joints, grid, body, 1)
     assert changes == 0 and np.array_equal(found, joints)
 
 
@@ -54,7 +54,7 @@ def test_refitted_limbs_keep_lengths_and_roots() -> None:
     joints = cone_joints(elevation_deg=15, elbow_deg=40)
     body, grid = seen(joints)
     wrong = swung(swung(joints, 0, -90), 1, 80)
-    found, changes = refit_limbs(wrong, joints, grid, body)
+    found, changes = refit_limbs(wrong, joints, grid, body, 1)
     kept = [joint for joint in Joint if joint not in LIMBS[:2, 1:]]
     assert changes == 2 and np.array_equal(found[kept], wrong[kept])
     lengths_m = np.linalg.norm(found[LIMBS[:, 1:]] - found[LIMBS[:, :2]], axis=-1)
