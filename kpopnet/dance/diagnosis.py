@@ -249,12 +249,8 @@ def _guesses(wrong: dict[str, bool], teacher: Performance, learner: Performance)
     apart = learner.times_s[0] > teacher.times_s[-1] - WINDOW_S or learner.times_s[-1] < teacher.times_s[0] + WINDOW_S
     plain = Correction(late_s=float(learner.times_s[0] - teacher.times_s[0]) if apart else 0.0)
     yield plain
-    if wrong["teacher"]:
-        yield from (plain._replace(teacher=one) for one in ("swapped", "reflected"))
-    elif wrong["learner"]:
-        yield from (plain._replace(learner=one) for one in ("swapped", "reflected"))
-    else:
-        yield plain._replace(learner="mirrored")
+    whose = "teacher" if wrong["teacher"] else "learner"
+    yield from (plain._replace(**{whose: one}) for one in (("swapped", "reflected") if wrong[whose] else ("mirrored",)))
     learner_fps, teacher_fps = _fps(learner), _fps(teacher)
     rates = {round(learner_fps / fps, 3) for fps in COMMON_FPS} | {round(fps / teacher_fps, 3) for fps in COMMON_FPS}
     most = min(5, MAX_DURATION_S / max(float(np.ptp(learner.times_s)), 1.0))

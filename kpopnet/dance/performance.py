@@ -155,6 +155,19 @@ def check_rate(dance: Performance) -> Performance:
     return dance
 
 
+def without_gaps(joints_m: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
+    """(T, 15, 3) joints; a missing one lies between its last and its next known position, by (T,) times `at` or else by the
+    number of the frame; one never seen at the torso.
+    """
+    filled, at = joints_m.copy(), np.arange(len(joints_m)) if at is None else at
+    known = np.isfinite(joints_m.sum(axis=2))
+    for joint in np.flatnonzero(known.any(axis=0)):
+        for axis in range(3):
+            filled[:, joint, axis] = np.interp(at, at[known[:, joint]], joints_m[known[:, joint], joint, axis])
+    filled[:, ~known.any(axis=0)] = np.nan_to_num(filled[:, [Joint.TORSO]])
+    return filled
+
+
 def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """(..., 15, 3) joints with missing ones NaN, and (..., 15) float64 confidence in 0..1 with missing ones 0.
 

@@ -55,8 +55,8 @@ TOO_SLOW_S = 5.0  # a recording that falls farther behind with each image, for t
 MOST_LETTERS = 60  # of a title
 
 
-class SimulatedCamera:
-    """A simulated learner before a simulated camera; a `LiveCamera`."""
+class SimulatedCamera(LiveCamera):
+    """A simulated learner before a simulated camera."""
 
     def __init__(self, lesson: Lesson, dance: TaughtDance, clock: DanceClock) -> None:
         from synth.dances.live import ON_THE_BEAT, LiveLearner
@@ -72,12 +72,9 @@ class SimulatedCamera:
         now = time.monotonic()
         return self._learner.frame(self._clock.dance_s(now)), now
 
-    def close(self) -> None:
-        pass
 
-
-class RecordedCamera:
-    """A recording that is played while the dance goes on; a `LiveCamera`.
+class RecordedCamera(LiveCamera):
+    """A recording that is played while the dance goes on.
 
     Before the dance it runs up to the image with which the excerpt begins; in a pause, and after its own end, it shows the last
     one. Images that are read too late for the dance are left out; `read` raises InputError where that would be all of them.
@@ -119,9 +116,6 @@ class RecordedCamera:
             self._next = wait_until(self._next)
             taken = time.monotonic()
         return self._shown.depth_m, taken
-
-    def close(self) -> None:
-        pass
 
 
 def wait_until(moment: float) -> float:

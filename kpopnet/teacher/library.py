@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.dance.noise.table import SEEN
-from kpopnet.dance.performance import Performance, off_by
+from kpopnet.dance.performance import Performance, off_by, without_gaps
 from kpopnet.dance.scoring import check_free, check_weights
 from kpopnet.dance.words.moments import phrase_length_s
 from kpopnet.errors import InputError
@@ -269,17 +269,6 @@ class Library:
 def stored_quats(quats: np.ndarray) -> np.ndarray:
     """Unit quaternions as int16, 32767 for 1: 0.002 degrees."""
     return np.round(quats * QUAT_SCALE).astype(np.int16)
-
-
-def without_gaps(joints_m: np.ndarray) -> np.ndarray:
-    """(T, 15, 3) joints; a missing one lies between its last and its next known position, one never seen at the torso."""
-    filled, frames = joints_m.copy(), np.arange(len(joints_m))
-    known = np.isfinite(joints_m).all(axis=2)
-    for joint in np.flatnonzero(known.any(axis=0)):
-        for axis in range(3):
-            filled[:, joint, axis] = np.interp(frames, frames[known[:, joint]], joints_m[known[:, joint], joint, axis])
-    filled[:, ~known.any(axis=0)] = np.nan_to_num(filled[:, [Joint.TORSO]])
-    return filled
 
 
 def preview_cm(dance: TaughtDance) -> list[list[int]]:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.bvh import BvhFile, bvh_text
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import Performance, without_gaps
 from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply, rotate
 from kpopnet.runtime.atomic_write import atomic_path
@@ -108,7 +108,9 @@ def _rounded(performance: Performance) -> tuple[list, list, list]:
 
 def _bvh(performance: Performance) -> str:
     """Centimetres, y up, the camera's side in front, at the median frame rate: BVH knows one interval only."""
-    points_cm = _filled(performance) * [1, -1, -1] * CM_PER_METRE
+    for joint in performance.unseen_joints:
+        raise InputError(f"{joint.name.lower()} is missing in every frame; BVH, unlike the other formats, needs it in some")
+    points_cm = without_gaps(performance.joints_m, performance.times_s) * [1, -1, -1] * CM_PER_METRE
     bones, root_cm = skeleton(points_cm)
     names = list(bones)
     parents = [names.index(bone.parent) if bone.parent else -1 for bone in bones.values()]
@@ -125,18 +127,6 @@ def _bvh(performance: Performance) -> str:
     nearest = np.rint(np.interp(even_s, times_s, np.arange(len(times_s)))).astype(int)
     offsets_cm, ends_cm = np.array([(bone.offset_cm, bone.end_cm) for bone in bones.values()]).swapaxes(0, 1)
     return bvh_text(BvhFile(names, parents, offsets_cm, local[nearest], root_cm[nearest], 1 / interval_s), ends_cm)
-
-
-def _filled(performance: Performance) -> np.ndarray:
-    """(T, 15, 3) joints in metres, those that are missing interpolated in time."""
-    filled = performance.joints_m.copy()
-    for joint in Joint:
-        seen = performance.confidence[:, joint] > 0
-        if not seen.any():
-            raise InputError(f"{joint.name.lower()} is missing in every frame; BVH, unlike the other formats, needs it in some")
-        for axis in range(3):
-            filled[:, joint, axis] = np.interp(performance.times_s, performance.times_s[seen], filled[seen, joint, axis])
-    return filled
 
 
 class PosedBone(NamedTuple):

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from kpopnet.dance.diagnosis import Diagnosis, RecordingFault
-from kpopnet.dance.feedback import RIGHT, Feedback, Phrase
+from kpopnet.dance.feedback import AS_THE_TEACHERS, RIGHT, Feedback, Phrase
 from kpopnet.dance.noise.table import RECORDED, SEEN
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.dance.words.moments import at, clock
@@ -72,7 +72,7 @@ def score_notes(score: DanceScore, diagnosis: Diagnosis) -> list[str]:
         points=f"{score.uncertainty:.0f}",
         estimator=score.scorer.noise.removesuffix(SEEN).removesuffix(RECORDED),
     )
-    sides = Said("compared as in a mirror: left and right are as the teacher has them") if diagnosis.mirrored else ""
+    sides = Said(AS_THE_TEACHERS) if diagnosis.mirrored else ""
     notes = [str(diagnosis), sides, *map(_fault_text, diagnosis.faults), within if score.uncertainty > 0 else ""]
     return [note for note in notes if note]
 

@@ -16,7 +16,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.pose import PersonPose
 from kpopnet.runtime.input_files import check_fields, expect
 from kpopnet.skeleton import NUM_JOINTS
-from kpopnet.sources.source import CameraAwayError
+from kpopnet.sources.source import CameraAwayError, LiveCamera
 
 DESCRIPTION = "the webcam of this browser"
 
@@ -49,8 +49,8 @@ def read_seen(message: Any) -> SeenPicture:
     return SeenPicture(Landmarks(points[:, :3], image_px, np.clip(points[:, 5], 0, 1)), taken)
 
 
-class WebcamCamera:
-    """The webcam as the lesson sees it: a `LiveCamera` whose images are `Landmarks` or None."""
+class WebcamCamera(LiveCamera):
+    """The webcam as the lesson sees it: its images are `Landmarks` or None."""
 
     camera = CAMERA
 
@@ -64,9 +64,6 @@ class WebcamCamera:
             return self._seen.get(timeout=SILENCE_S)
         except queue.Empty:
             raise CameraAwayError("waiting for the webcam: allow it in the browser, and keep this page in view") from None
-
-    def close(self) -> None:
-        pass
 
 
 class WebcamEstimator:

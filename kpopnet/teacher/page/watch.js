@@ -3,10 +3,9 @@ import { View } from "./body.js";
 import { Figure } from "./figure.js";
 import { LearnerView } from "./learner.js";
 import { Live } from "./live.js";
-import { clock, el, keyOf, swatch } from "./tools.js";
+import { OF_LEARNERS, clock, el, keyOf, swatch } from "./tools.js";
 
-// Paul Tol's bright colours, which people who mix up colours tell apart.
-const COLOURS = ["#66ccee", "#ee6677", "#ccbb44", "#228833", "#aa3377", "#4477aa"];
+const COLOURS = [...OF_LEARNERS, "#228833", "#aa3377", "#4477aa"];
 const PREPARING = "no image yet; where kernels are compiled first, which happens once, that takes up to a minute";
 const TORSO = 8, PALEST = 0.2, FLOOR_DOWN = 0.2, FLOOR_UP = 0.003, FOLLOW = 0.03, SILENCE_MS = 2000, AGAIN_MS = 2000;
 const TURNED = 0.15;

@@ -17,7 +17,7 @@ from kpopnet.live import keeping, loop
 from kpopnet.live.loop import Watcher, Watching
 from kpopnet.pose import PersonPose
 from kpopnet.sources.live import Image
-from kpopnet.sources.source import CameraAwayError
+from kpopnet.sources.source import CameraAwayError, LiveCamera
 
 
 class Estimator:
@@ -31,8 +31,8 @@ class Estimator:
         return [PersonPose(identity, joints_m, np.ones(15, np.float32)) for identity in range(2)]
 
 
-class Images:
-    """A camera whose images are taken at these times; a `LiveCamera`."""
+class Images(LiveCamera):
+    """A camera whose images are taken at these times."""
 
     camera = CAMERA
 
@@ -44,9 +44,6 @@ class Images:
         self._wait()
         time_s = next(self._times_s, None)
         return None if time_s is None else (np.full((240, 320), 4, np.float32), time_s)
-
-    def close(self) -> None:
-        pass
 
 
 @pytest.fixture

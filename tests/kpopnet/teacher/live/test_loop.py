@@ -17,7 +17,7 @@ from kpopnet.dance.joint_files.mediapipe import WEBCAM
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose
 from kpopnet.sources.live import NewestImage
-from kpopnet.sources.source import CameraAwayError
+from kpopnet.sources.source import CameraAwayError, LiveCamera
 from kpopnet.teacher.live import loop
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import Learners
@@ -78,7 +78,7 @@ def test_the_picture_tells_near_from_far_and_from_nothing():
     assert nothing == 0 and 0 < near < 20 and far > 200
 
 
-class Unsteady:
+class Unsteady(LiveCamera):
     """A camera that can be unplugged; its learner dances perfectly, and each image is the time of the dance."""
 
     camera = CAMERAS["kinect_v1"]
@@ -93,9 +93,6 @@ class Unsteady:
             raise CameraAwayError("plug it in")
         now = time.monotonic()
         return np.full((240, 320), max(self.clock.dance_s(now), 0.0), np.float32), now
-
-    def close(self) -> None:
-        pass
 
 
 class Knowing:
