@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from slow_motion import slowed
 
 from kpopnet.camera import CAMERAS
 from kpopnet.paper_tracker.algorithm2 import Frame, State, candidates_of, track_frame
@@ -45,12 +44,11 @@ from kpopnet.viz.drawing import (
     with_captions,
 )
 from kpopnet.y_pose.initial_pose import find_initial_pose
-from synth.body.shape import Person, draw_person
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
 from synth.simulated.film import CleanFrame, measure_frame
-from synth.simulated.sequences import BODY
 from synth.simulated.stand_ins import EvalSim, EvalSimConfig
+from tools.slow_motion import slowed
 
 CAMERA, SEED, FILMS, SECONDS, FINEST = CAMERAS["eval"], 24101, 8, 8, 8
 """The finest pace has `FINEST` images for each of 30 a second."""
@@ -61,8 +59,7 @@ PRINTED, JOINTS = PaperTrackerConfig(), list(PAPER_JOINTS)
 class TrainEvalSim(EvalSim):
     """The motions of `eval_sim` by people of the training split, another one in each film."""
 
-    def person(self, subject: int) -> Person:
-        return draw_person(self._rng("person", subject), BODY, "train")
+    people_of = "train"
 
 
 def make_films(folder: Path) -> None:

@@ -78,6 +78,7 @@ class SequenceGenerator(SetGenerator):
     names: ClassVar[str]  # format of the name of a sequence, by its numbers from 0 and from 1
     most_people: ClassVar[int] = 1  # in a sequence
     body: ClassVar[BodyConfig] = BODY
+    people_of: ClassVar[str] = "benchmark"  # the split of its people, see `draw_person`
     tries: ClassVar[int]  # how often a sequence is drawn with the same people, until something fits,
     nothing_fits: ClassVar[str]  # and what the error says if nothing does: "none of 300 ..."
     marker_names: ClassVar[tuple[str, ...]] = ()
@@ -141,7 +142,7 @@ class SequenceGenerator(SetGenerator):
 
     def person(self, subject: int, redrawn: int = 0) -> Person:
         """Person `subject` of the benchmark, or who is drawn in their place where nothing fits them: 1 the next, 2 the last."""
-        return draw_person(self._rng("person", subject, *([redrawn] if redrawn else [])), self.body, "benchmark")
+        return draw_person(self._rng("person", subject, *([redrawn] if redrawn else [])), self.body, self.people_of)
 
     def manifest_entries(self) -> dict:
         return {"benchmark": self.benchmark.name, "about": self.about, "truth": self.truth}
