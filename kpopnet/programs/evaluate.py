@@ -64,7 +64,7 @@ from kpopnet.programs.score import seen_teacher
 from kpopnet.runtime.atomic_write import naming
 from kpopnet.runtime.hydra_app import entry_point, register_schemas
 
-register_schemas("benchmark", {name: schema for name, (schema, _) in BENCHMARKS.items()})
+register_schemas("benchmark", {name: schema(name=name) for name, (schema, _) in BENCHMARKS.items()})
 register_schemas("estimator", {name: schema for name, (schema, _) in ESTIMATORS.items()}, by_name=True)
 register_schemas("scorer", SCORERS, by_name=True)
 register_schemas("extraction", {name: schema for name, (schema, _) in EXTRACTIONS.items()})
