@@ -1,7 +1,7 @@
 """Simulates depth images of people with ground-truth joints.
 
 Posed bodies in furnished rooms are rendered to depth, degraded by a depth-camera model, and segmented. synth imports
-kpopnet's base modules (skeleton, camera, ridge, errors, shards, observation, runtime, viz); kpopnet never imports synth.
+kpopnet; of kpopnet its programs alone import synth.
 """
 
 import ctypes.util

@@ -30,14 +30,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import binomtest
 from tqdm import tqdm
 
 import kpopnet
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import SCORERS, Comparison, Scorer, TimeGrid, Windows
+from kpopnet.dance.scoring import SCORERS, Comparison, Scorer, TimeGrid
 from kpopnet.errors import InputError
-from kpopnet.evaluation.dances.ranking import is_ordered, wilson_interval
+from kpopnet.evaluation.dances.ranking import is_ordered, mcnemar_p_value, wilson_interval
 from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap, interval_of
 from kpopnet.runtime.atomic_write import write_json, write_npz
 from kpopnet.runtime.hydra_app import user_errors
@@ -114,14 +113,10 @@ def dances(folder: Path, name: str, of: DanceSet, recordings: str | None) -> dic
         path = folder / f"{of.split}_{of.faults}_{of.seed}" / f"{index:03d}.npz"
         if not path.exists():
             path.parent.mkdir(parents=True, exist_ok=True)
-            _save(path, dance(sim, index)._asdict())
+            write_npz(path, **dance(sim, index)._asdict())
         with np.load(path) as stored:
             found[path] = Dance(stored["teacher_m"], stored["learners_m"], str(stored["motion"]))
     return found
-
-
-def _save(path: Path, arrays: dict[str, Any]) -> None:
-    write_npz(path, **arrays)
 
 
 def performed(joints_m: np.ndarray) -> Performance:
@@ -155,14 +150,10 @@ def windows(path: Path, one: Dance, name: str) -> np.ndarray:
     kept = path.with_name(f"{path.stem}.{name}.{settings.hexdigest()[:10]}.windows.npz")
     if not kept.exists():
         found = compared(one, [replace(SCORERS[name], beta=beta) for beta in BETAS], [*one.learners_m, one.teacher_m])
-        found = [[_windows(run.summary().windows) for run in runs] for runs in found]
-        _save(kept, {"windows": np.array(found)})
+        of_runs = [[run.summary().windows for run in runs] for runs in found]
+        write_npz(kept, windows=np.array([[(one.delay_s, one.posture, one.weight) for one in runs] for runs in of_runs]))
     with np.load(kept) as stored:
         return stored["windows"]
-
-
-def _windows(of: Windows) -> list[np.ndarray]:
-    return [of.delay_s, of.posture, of.weight]
 
 
 def scores(found: np.ndarray, alpha: float, tau: float, ours: bool) -> np.ndarray:
@@ -218,18 +209,20 @@ def chosen(found: dict[str, np.ndarray], name: str) -> dict[str, Any]:
         late = {delay_s: float(scores(np.array([[delay_s], [100.0], [1.0]]), alpha, tau, ours)) for delay_s in LATE}
         for b, beta in enumerate(BETAS):
             of_half[half][alpha, beta, tau] = merit({key: one[:, b] for key, one in by_set.items()}, late)
-    best = max(of_half[0], key=lambda at: (-of_half[0][at].excess, of_half[0][at].pairs, of_half[0][at].separation))
+    best, other = map(_best, of_half)
     before = SCORERS[name].alpha, SCORERS[name].beta, SCORERS[name].tau
     report = {"settings": dict(zip(("alpha", "beta", "tau"), best, strict=True))}
     for half, of in zip(("chosen on", "checked on"), of_half, strict=True):
         report[half] = of[best]._asdict() | ({"settings before": of[before]._asdict()} if before in of else {})
     kept = [one for one in of_half[0].values() if one.excess == 0]
-    return report | {"keep the bounds": f"{len(kept)} of {len(of_half[0])}", "best on the other half": _best_on(of_half[1])}
+    return report | {
+        "keep the bounds": f"{len(kept)} of {len(of_half[0])}",
+        "best on the other half": {"settings": other, "pairs": of_half[1][other].pairs},
+    }
 
 
-def _best_on(of: dict[tuple, Merit]) -> dict[str, Any]:
-    best = max(of, key=lambda at: (-of[at].excess, of[at].pairs, of[at].separation))
-    return {"settings": best, "pairs": of[best].pairs}
+def _best(of: dict[tuple, Merit]) -> tuple:
+    return max(of, key=lambda at: (-of[at].excess, of[at].pairs, of[at].separation))
 
 
 def choose(folder: Path) -> dict[str, Any]:
@@ -296,7 +289,7 @@ def agreement(found: dict[str, np.ndarray], unit: list[str]) -> dict[str, Any]:
     for one, other in combinations(right, 2):
         only_one, only_other = int((right[one] & ~right[other]).sum()), int((right[other] & ~right[one]).sum())
         pairs[f"{one}, {other}"] = {"only the first": only_one, "only the second": only_other} | (
-            {"p": float(binomtest(only_one, max(only_one + only_other, 1)).pvalue) if only_one + only_other else 1.0}
+            {"p": mcnemar_p_value(only_one, only_other)}
             if alone
             else {"difference, points": interval(right[one].astype(float) - right[other])}
         )

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 from tqdm import tqdm
 
 from kpopnet.camera import MM_PER_METRE
@@ -27,6 +26,7 @@ from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import Joint
+from synth.rooms.crops import matched
 from tools.fit_confidence import logistic_weights
 
 NEAR_M, LEAST_SHOWN = 0.3, 0.5
@@ -46,11 +46,9 @@ def judged(image: RoomImage, people: People) -> tuple[np.ndarray, np.ndarray, in
     seen_px = np.array([np.count_nonzero(image.labels == number + 1) for number in present])
     wanted = seen_px >= LEAST_SHOWN * image.whole_px[present]
     torsos_m = image.joints_m[present, Joint.TORSO].reshape(-1, 3)
-    distance_m = np.linalg.norm(people.centres_m[:, None] - torsos_m[None], axis=-1)
     right, counts = np.zeros(len(people.score), bool), np.ones(len(people.score), bool)
-    for one, person in zip(*linear_sum_assignment(np.minimum(distance_m, NEAR_M)), strict=True):
-        if distance_m[one, person] < NEAR_M:
-            right[one] = counts[one] = wanted[person]
+    for one, person in matched(people.centres_m, torsos_m):
+        right[one] = counts[one] = wanted[person]
     return right, counts, int(wanted.sum())
 
 

@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 import safetensors.torch
 import torch
-from scipy.optimize import linear_sum_assignment
 from torch.nn import functional
 
 from kpopnet.camera import MM_PER_METRE
@@ -40,8 +39,8 @@ from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import Joint
 from kpopnet.weights import SHA256
 from synth.resumable import make_missing
-from synth.rooms.crops import PersonCropsConfig, PersonCropsSet
-from tools.fit_finder import NEAR_M, THRESHOLDS, logistic
+from synth.rooms.crops import PersonCropsConfig, PersonCropsSet, matched
+from tools.fit_finder import THRESHOLDS, logistic
 
 FAR_M = 0.6
 """What is this far from all torsos is no person."""
@@ -127,9 +126,8 @@ def kinds_of(humans: list[Human], torsos_m: np.ndarray) -> list[int]:
     A person whom no other is nearer to; no person where all torsos are far, or another one has the nearest: a second one on
     the same body is none. Who is found with the centre somewhat off is neither.
     """
-    apart_m = np.linalg.norm(np.reshape([human.centre_m for human in humans], (-1, 1, 3)) - torsos_m, axis=-1)
-    pairs = zip(*linear_sum_assignment(np.minimum(apart_m, NEAR_M)), strict=True)
-    taken = {row: person for row, person in pairs if apart_m[row, person] < NEAR_M}
+    centres_m = np.reshape([human.centre_m for human in humans], (-1, 3))
+    apart_m, taken = np.linalg.norm(centres_m[:, None] - torsos_m, axis=-1), dict(matched(centres_m, torsos_m))
     kinds = []
     for row, distances_m in enumerate(apart_m):
         if row in taken:

@@ -20,7 +20,7 @@ from tqdm import tqdm
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.noise.table import SEEN
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import DanceScore, score_dance
+from kpopnet.dance.scoring import DanceScore
 from kpopnet.data.made_sets import claim_folder
 from kpopnet.pose import PoseEstimator
 from kpopnet.programs.score import seen_teacher
@@ -28,13 +28,11 @@ from kpopnet.runtime.atomic_write import write_json, write_npz
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import NUM_JOINTS
-from kpopnet.teacher.live.lesson import Lesson
-from kpopnet.teacher.live.score import scorer_config
 from kpopnet.weights import SHA256
 from synth.dances.live import LiveLearner
 from synth.dances.taught import DANCES, Teacher, composed
 from tools.graded_learners import FAULTS, on_body
-from tools.measure_noise import area
+from tools.measure_noise import against_truth, area, lesson_score
 
 SECONDS, STRIDE = 12.0, 2
 """Length of a learner's dance, and of how many frames of the dance, 30 a second, one is seen."""
@@ -94,27 +92,15 @@ def as_seen(path: Path, teacher: Performance, name: str) -> Performance:
         return Performance(stored["joints_m"], teacher.times_s)
 
 
-def scored(teacher: Performance, danced: Performance, noise: str) -> DanceScore:
-    """The score that a lesson gives one who dances like `danced`."""
-    return score_dance(teacher, danced, scorer_config(Lesson("dance"), noise))
-
-
 def figures(learners: Sequence[Learner], scores: Sequence[DanceScore], true: np.ndarray) -> dict[str, Any]:
     """The errors of scores against those on true joints, and what is told of whom."""
-    points, uncertainty = (np.array([getattr(one, name) for one in scores]) for name in ("similarity", "uncertainty"))
-    kinds, error = np.array([one.kind for one in learners]), points - true
+    points, kinds = np.array([one.similarity for one in scores]), np.array([one.kind for one in learners])
     perfect = np.char.startswith(kinds, "perfect")
     levels = np.array([points[kinds == f"{level}_0"] for level in LEVELS])
     remarks = np.array([np.mean([len(phrase.moments) for phrase in feedback(one).phrases]) for one in scores])
-    return {
-        "rms": float(np.sqrt((error**2).mean())),
-        "bias": float(error.mean()),
-        "slope": float(np.polyfit(true, points, 1)[0]),
-        "correlation": float(np.corrcoef(true, points)[0, 1]),
+    return against_truth(scores, true) | {
         "perfect": [float(points[perfect].mean()), float(points[perfect].min())],
         "auc": {f"{kind}_{size}": area(points[perfect], points[kinds == f"{kind}_{size}"]) for kind, size in GRADED},
-        "uncertainty": float(np.median(uncertainty)),
-        "within_uncertainty": float(100 * np.mean(abs(error) <= uncertainty)),
         "in_order": int((np.diff(levels, axis=0) < 0).all(axis=0).sum()),
         "remarks_of_perfect": float(remarks[perfect].mean()),
         "remarks_of_best": float(remarks[kinds == "best_0"].mean()),
@@ -137,14 +123,16 @@ def main() -> None:
             for number, (skill, size) in enumerate(KINDS):
                 learners.append(learner(given.folder / f"{dance}_{skill}_{size}.npz", dance, number, estimator))
                 bar.update()
-    true = np.array([scored(one.teacher, one.true, "none").similarity for one in learners])
+    true = np.array([lesson_score(one.teacher, one.true, "none").similarity for one in learners])
     found: dict[str, Any] = {"what": "SIMULATED lessons in rooms", "learners": len(learners), "dances": len(dances)}
     for way, (name, is_seen) in WAYS.items():
         teachers = {one.dance: one.teacher for one in learners}
         if is_seen:
             teachers = {dance: as_seen(given.folder / f"{dance}_{way}.npz", one, name) for dance, one in teachers.items()}
         noise = f"{name}{SEEN}" if is_seen else name
-        found[way] = figures(learners, [scored(teachers[one.dance], one.estimated[name], noise) for one in learners], true)
+        found[way] = figures(
+            learners, [lesson_score(teachers[one.dance], one.estimated[name], noise) for one in learners], true
+        )
         print(way, found[way])
     if given.figures:
         write_json(given.figures, found | measured_by())

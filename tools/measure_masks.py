@@ -22,6 +22,7 @@ from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
+from kpopnet.skeleton import Joint
 from synth.rooms.crops import PersonCropsConfig, PersonCropsSet, matched
 from synth.rooms.images import measure_scene
 
@@ -47,7 +48,7 @@ def main() -> None:
             continue
         before = pixel_owners(found.cells, depth_m, *map(np.arange, depth_m.shape))
         after, _ = refine_masks(masks, depth_m, clear.camera, found.cells, found.centres_m)
-        for row, person in matched(found.centres_m, clear.joints_camera_m):
+        for row, person in matched(found.centres_m, clear.joints_camera_m[:, Joint.TORSO]):
             theirs = measured.labels == person + 1
             if np.count_nonzero(theirs) < SHOWN * clear.whole_px[person]:
                 continue

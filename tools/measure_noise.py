@@ -31,7 +31,7 @@ from kpopnet.dance.noise.steady import PART_OF_SEGMENT, SEGMENTS, steady_squared
 from kpopnet.dance.noise.table import NOISE, RECORDED, SEEN, TABLE, EstimatorNoise, doubt, known_noise
 from kpopnet.dance.parts import CONTEXT_FRAMES, HOP_FRAMES
 from kpopnet.dance.performance import Performance
-from kpopnet.dance.scoring import OURS, TimeGrid, score_dance
+from kpopnet.dance.scoring import OURS, DanceScore, TimeGrid, score_dance
 from kpopnet.dance.window import PARTS, WINDOW_FRAMES, or_nan, part_of_angles
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.errors import InputError
@@ -41,6 +41,8 @@ from kpopnet.networks.over_time import Measured, OverTime, read
 from kpopnet.programs.score import seen_teacher
 from kpopnet.runtime.atomic_write import write_json
 from kpopnet.runtime.hydra_app import user_errors
+from kpopnet.teacher.live.lesson import Lesson
+from kpopnet.teacher.live.score import scorer_config
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
 from kpopnet.weights import shipped
 
@@ -254,6 +256,25 @@ def summary(learners: Sequence[Seen], scores: Sequence[Scored]) -> str:
         areas = ", ".join(f"{area(values[perfect], values[chosen]):.2f}" for values in (true, unknown, known))
         lines.append(f"{fault}: true, noise unknown, known: {means}; AUC {areas}")
     return "\n".join(lines)
+
+
+def lesson_score(teacher: Performance, danced: Performance, noise: str) -> DanceScore:
+    """The score that a lesson gives one who dances like `danced`."""
+    return score_dance(teacher, danced, scorer_config(Lesson("dance"), noise))
+
+
+def against_truth(scores: Sequence[DanceScore], true: np.ndarray) -> dict[str, float]:
+    """How far scores are from those on true joints, and how often they are within their uncertainty."""
+    points, uncertainty = (np.array([getattr(one, name) for one in scores]) for name in ("similarity", "uncertainty"))
+    error = points - true
+    return {
+        "rms": float(np.sqrt((error**2).mean())),
+        "bias": float(error.mean()),
+        "slope": float(np.polyfit(true, points, 1)[0]),
+        "correlation": float(np.corrcoef(true, points)[0, 1]),
+        "uncertainty": float(np.median(uncertainty)),
+        "within_uncertainty": float(100 * np.mean(abs(error) <= uncertainty)),
+    }
 
 
 def lateness(learners: Sequence[Seen], noise: EstimatorNoise) -> str:

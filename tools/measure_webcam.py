@@ -25,7 +25,19 @@ import numpy as np
 from tqdm import tqdm
 
 from tools.graded_learners import FAULTS, on_body
-from tools.measure_noise import Seen, area, enter, measured, own_errors, scored_by_others, spread, summary
+from tools.measure_lessons import LEVELS
+from tools.measure_noise import (
+    Seen,
+    against_truth,
+    area,
+    enter,
+    lesson_score,
+    measured,
+    own_errors,
+    scored_by_others,
+    spread,
+    summary,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "helpers"))
@@ -35,14 +47,11 @@ from webcam_films import FilmedLearner  # noqa: E402
 
 from kpopnet.dance.joint_files.mediapipe import WEBCAM  # noqa: E402
 from kpopnet.dance.performance import Performance  # noqa: E402
-from kpopnet.dance.scoring import DanceScore, score_dance  # noqa: E402
 from kpopnet.pose import PoseEstimator  # noqa: E402
 from kpopnet.runtime.atomic_write import write_json, write_npz  # noqa: E402
 from kpopnet.runtime.provenance import measured_by  # noqa: E402
 from kpopnet.teacher.library import taught_dance  # noqa: E402
-from kpopnet.teacher.live.lesson import Lesson  # noqa: E402
 from kpopnet.teacher.live.loop import noise_of  # noqa: E402
-from kpopnet.teacher.live.score import scorer_config  # noqa: E402
 from kpopnet.teacher.live.webcam import recorded  # noqa: E402
 from synth.dances.live import LATE_S  # noqa: E402
 from synth.dances.taught import DANCES, Teacher, composed  # noqa: E402
@@ -51,7 +60,6 @@ SECONDS, STRIDE = 8.0, 2
 """Length of a learner's film, and of how many frames of the dance, 30 a second, one is filmed."""
 
 FIT_DANCES, JUDGED_DANCES = range(DANCES, DANCES + 6), range(DANCES + 52, DANCES + 58)
-LEVELS = ("best", "bad", "worst")
 NO_POINTS = np.full((33, 6), np.nan)
 JUDGED = (("perfect", ""), ("perfect", "left arm"), *((level, "") for level in LEVELS))
 FITTED = (*JUDGED, ("good", ""))
@@ -199,31 +207,28 @@ def judge(
         "webcam": ("webcam", WEBCAM),
         "depth": ("depth", depth_noise),
     }
-    truth = np.array([_score(one, one.true, "none").similarity for one in everybody])
+    truth = np.array([lesson_score(one.teacher, one.true, "none").similarity for one in everybody])
     for name, (eye, noise) in eyes.items():
         danced = {kind: [(one, getattr(one, eye)) for one in group] for kind, group in learners.items()}
         perfect = danced["perfect"]
         late = [(one, Performance(seen.joints_m, seen.times_s + LATE_S, seen.confidence)) for one, seen in perfect]
         danced |= {kind: [(one, getattr(one, eye)) for one in group] for kind, group in graded.items()}
         danced |= {"another dance": [(one, getattr(other, eye)) for one, _ in perfect for other in others], "late": late}
-        scored = {kind: [_score(*pair, noise) for pair in pairs] for kind, pairs in danced.items()}
+        scored = {kind: [lesson_score(one.teacher, seen, noise) for one, seen in pairs] for kind, pairs in danced.items()}
         points = {kind: [one.similarity for one in group] for kind, group in scored.items()}
-        of_learners = np.concatenate([points[kind] for kind in learners])
         levels = np.array([points[level] for level in LEVELS])
         pairs = [levels[i] > levels[j] for i in range(len(LEVELS)) for j in range(i + 1, len(LEVELS))]
-        error, uncertainty = of_learners - truth, np.array([one.uncertainty for kind in learners for one in scored[kind]])
-        figures[name] = figures.get(name, {}) | {
-            "pairs_in_order": int(np.sum(pairs)),
-            "pairs": int(np.size(pairs)),
-            "correlation": float(np.corrcoef(truth, of_learners)[0, 1]),
-            "slope": float(np.polyfit(truth, of_learners, 1)[0]),
-            "bias": float(error.mean()),
-            "rms": float(np.sqrt((error**2).mean())),
-            "uncertainty": float(np.median(uncertainty)),
-            "within_uncertainty": float(100 * np.mean(abs(error) <= uncertainty)),
-            "auc": {kind: area(points["perfect"], points[kind]) for kind in (*graded, "perfect_left_arm")},
-            "scores": {kind: [float(f(one)) for f in (np.mean, min, max)] for kind, one in points.items()},
-        }
+        of_learners = against_truth([one for kind in learners for one in scored[kind]], truth)
+        figures[name] = (
+            figures.get(name, {})
+            | of_learners
+            | {
+                "pairs_in_order": int(np.sum(pairs)),
+                "pairs": int(np.size(pairs)),
+                "auc": {kind: area(points["perfect"], points[kind]) for kind in (*graded, "perfect_left_arm")},
+                "scores": {kind: [float(f(one)) for f in (np.mean, min, max)] for kind, one in points.items()},
+            }
+        )
         told = {key: value for key, value in figures[name].items() if key not in ("scores", "auc")}
         print(name, ", ".join(f"{key} {value:.2f}" for key, value in told.items()))
         for kind, (mean, least, greatest) in figures[name]["scores"].items():
@@ -234,11 +239,6 @@ def judge(
 
 def _about_torso(dance: Performance) -> np.ndarray:
     return dance.joints_m - dance.joints_m[:, [8]]
-
-
-def _score(one: Filmed, danced: Performance, noise: str) -> DanceScore:
-    """The score that the teacher gives one who dances like `danced`."""
-    return score_dance(one.teacher, danced, scorer_config(Lesson("dance"), noise))
 
 
 def main() -> None:

@@ -10,8 +10,6 @@ metres, the root at the origin, with the fifteen joints at the points of the bod
 """
 
 import argparse
-import datetime
-import sys
 import zipfile
 from pathlib import Path
 
@@ -24,7 +22,7 @@ from kpopnet.estimator import Estimator
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.person import PersonEstimator
 from kpopnet.runtime.atomic_write import write_json
-from kpopnet.runtime.provenance import git_revision
+from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import JOINT_GROUPS, Joint
 from kpopnet.tracker.estimator import TrackerEstimator
 
@@ -124,13 +122,10 @@ def score() -> dict:
     films = [dancing(seed, index, FRAMES) for seed in SEEDS for index in range(FILMS)]
     return {
         "what": "SIMULATED: dm_control's humanoid in a jersey, Kinect v1, 2 to 4 m; `se`: standard error over images or films",
-        "command": f"PYTHONPATH=.:tests/helpers python {' '.join(sys.argv)}",
-        "code": git_revision(),
-        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
         "seeds": SEEDS,
         "single_images": {"images": len(stills), "network": figures(network, stills)},
         "films": {"films": len(films), "frames": FRAMES, **{name: figures(one, films) for name, one in whole.items()}},
-    }
+    } | measured_by()
 
 
 def figures(estimator: Estimator, films: list) -> dict:

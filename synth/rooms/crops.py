@@ -96,15 +96,15 @@ def crops_of(clear: ClearScene, measured: MeasuredScene) -> Iterator[Observation
     if not len(joints_m):
         return
     humans = PersonFinder(camera, FINDER).extract(measured.depth_mm / np.float32(MM_PER_METRE))
-    for row, person in matched(np.array([human.centre_m for human in humans]), joints_m):
+    for row, person in matched(np.array([human.centre_m for human in humans]), joints_m[:, Joint.TORSO]):
         human = humans[row]
         if np.count_nonzero(human.depth_m) >= LEAST_PX:
             visible = at_joints(measured.labels, joints_m[person], camera) == person + 1
             yield Observation(human.depth_m, human.cropped(camera), joints_m[person], visible)
 
 
-def matched(centres_m: np.ndarray, joints_m: np.ndarray) -> list[tuple[int, int]]:
-    """Numbers of those found, by (N, 3) centres, and of the people whom they show, by (P, 15, 3) joints."""
-    apart_m = np.linalg.norm(joints_m[None, :, Joint.TORSO] - centres_m.reshape(-1, 1, 3), axis=-1)
+def matched(centres_m: np.ndarray, torsos_m: np.ndarray) -> list[tuple[int, int]]:
+    """Numbers of those found, by (N, 3) centres, and of the people whom they show, by (P, 3) torsos."""
+    apart_m = np.linalg.norm(torsos_m - centres_m.reshape(-1, 1, 3), axis=-1)
     pairs = zip(*linear_sum_assignment(np.minimum(apart_m, NEAR_M)), strict=True)
     return [(row, person) for row, person in pairs if apart_m[row, person] < NEAR_M]

@@ -15,6 +15,7 @@ from kpopnet.finder.finder import candidates_in, open_finder
 from kpopnet.finder.masks import crop_owner, scene_crop, taken
 from kpopnet.finder.people import pixel_owners
 from kpopnet.runtime.atomic_write import atomic_hdf5
+from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import depth_rgb, enlarged, sheet
 from kpopnet.weights import SHA256
 from synth.rooms.crops import FINDER, IMAGE_PX, LEAST_PX, PersonCropsConfig, matched
@@ -81,7 +82,7 @@ def crops_of(clear: ClearScene, measured: MeasuredScene) -> Iterator[tuple[np.nd
     depth_m = measured.depth_mm / np.float32(MM_PER_METRE)
     found = candidates_in(open_finder(FINDER.weights), depth_m, camera, FINDER.least_certainty)
     owners = pixel_owners(found.cells, depth_m, *map(np.arange, depth_m.shape))
-    for row, person in matched(found.centres_m, joints_m):
+    for row, person in matched(found.centres_m, joints_m[:, Joint.TORSO]):
         if np.count_nonzero(owners == row + 1) < LEAST_PX:
             continue
         crop = scene_crop(depth_m, camera, found.centres_m[row])

@@ -1,1 +1,1 @@
-"""Simulated EVAL and SMMC-10 (`eval_sim`, `smmc10_sim`) in the file formats of the real sets, and films of two people."""
+"""Simulated benchmarks of films: `eval_sim`, `smmc10_sim`, `two_people`, `rooms`, `check_sim`."""

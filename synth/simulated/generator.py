@@ -14,7 +14,7 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.datasets.simulated import MANIFEST
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
+from kpopnet.runtime.atomic_write import remove_unfinished, write_json
 from kpopnet.runtime.input_files import read_json
 from kpopnet.viz.drawing import save_png
 from synth.body.asset import ASSET
@@ -159,8 +159,7 @@ class SetGenerator(ABC):
             raise InputError(f"{unknown[0]}: not made by this program; choose another out=")
         identity = {"simulated": True, "seed": self.benchmark.seed, "hash": self.hash, f"{self.part}s": size}
         manifest = identity | self.manifest_entries() | {"config": json.loads(self.as_json())}
-        with atomic_path(path) as temporary:
-            temporary.write_text(json.dumps(manifest, indent=1))
+        write_json(path, manifest)
         return manifest
 
 
