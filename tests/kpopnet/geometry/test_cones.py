@@ -23,10 +23,10 @@ NOWHERE = np.zeros((6, 3))
 
 def test_distances_to_a_cone() -> None:
     segments = np.array([(0.0, 0, 2, 0, 1, 0, 1, 0.1, 0.1)])  # from (0, 0, 2) to (0, 1, 2), radii 0.1 and 0.2
-    assert signed_distance(segments, 0, 0.5, 0.5, 2) == pytest.approx((0.5 - 0.15, 0.5, 0.5), abs=1e-8)
-    assert signed_distance(segments, 0, 0, 0.25, 2) == pytest.approx((-0.125, 0.25, 0.0), abs=1e-8)
-    assert signed_distance(segments, 0, 0, -0.3, 2.4) == pytest.approx((0.5 - 0.1, 0.0, 0.5), abs=1e-8)
-    assert signed_distance(segments, 0, 0, 1.3, 2.4) == pytest.approx((0.5 - 0.2, 1.0, 0.5), abs=1e-8)
+    assert signed_distance(segments, 0, 0.5, 0.5, 2.0) == pytest.approx((0.5 - 0.15, 0.5, 0.5), abs=1e-8)
+    assert signed_distance(segments, 0, 0.0, 0.25, 2.0) == pytest.approx((-0.125, 0.25, 0.0), abs=1e-8)
+    assert signed_distance(segments, 0, 0.0, -0.3, 2.4) == pytest.approx((0.5 - 0.1, 0.0, 0.5), abs=1e-8)
+    assert signed_distance(segments, 0, 0.0, 1.3, 2.4) == pytest.approx((0.5 - 0.2, 1.0, 0.5), abs=1e-8)
 
 
 @pytest.mark.parametrize("stride", [1, 7])

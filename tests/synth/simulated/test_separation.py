@@ -31,7 +31,7 @@ def of_training(split: str) -> list[Person]:
 
 def of_benchmarks() -> list[Person]:
     makers = EvalSim(EvalSimConfig(seed=5)), Smmc10Sim(), TwoPeople(), Rooms(), CheckSim()
-    dances = KpopSim(KpopSimConfig(seed=5))
+    dances = KpopSim(KpopSimConfig(seed=5), seconds=(0.5, 0.5))
     people = [maker.person(number) for maker in makers for number in range(PEOPLE // 4)]
     return [*people, dances.take(0, 0, dances.learner(0, 0).motion).played.person]
 
