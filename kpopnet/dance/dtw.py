@@ -116,8 +116,7 @@ def constant_delay(distances, penalty):
     return best
 
 
-@njit(cache=True)
-def best_match(distances, slope, penalty, expected):
+def best_match(distances: np.ndarray, slope: bool, penalty: float, expected: int) -> np.ndarray:
     """Open-begin, open-end matching of a window: (L, 2) rows and columns of `distances`; empty without finite distances.
 
     Takes (n, 2 * band + 1) `banded_distances`, n >= 1, radians; whether the step pattern is `slope`, not `free`; a penalty,
@@ -140,7 +139,8 @@ def _accumulated_cost(distances, slope, begin_cost):
     n, columns = distances.shape
     cost = np.full((n, columns), np.inf)
     step = np.zeros((n, columns), np.int8)
-    cost[0] = distances[0] + begin_cost
+    for k in range(columns):  # numba compiles the sum of two rows for two seconds
+        cost[0, k] = distances[0, k] + begin_cost[k]
     for i in range(n):
         for k in range(columns):
             here = distances[i, k]

@@ -353,7 +353,7 @@ class Comparison:
         The frames before are those that the features of the new ones look back on.
         """
         if self.mirrored:
-            joints_m, confidence = joints_m[:, MIRROR] * [-1.0, 1.0, 1.0], confidence[:, MIRROR]
+            joints_m, confidence = joints_m.take(MIRROR, axis=1) * [-1.0, 1.0, 1.0], confidence[:, MIRROR]
         self._add(self._grid.features(joints_m, confidence).at(slice(-new, None)))
 
     def _add(self, features: Features) -> None:

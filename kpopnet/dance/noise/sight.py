@@ -26,7 +26,7 @@ POINTS_AT_CAMERA = 0.03
 the limb is better known than another."""
 
 LEAST_SINE = 1e-9
-TORSO = int(Joint.TORSO)
+TORSO = np.int64(Joint.TORSO)
 
 CENTRED_M = 0.5
 """Of a person this near the origin the joints are centred, in the axes of the camera, and the line of sight is its z axis."""
@@ -60,9 +60,9 @@ def path_distances(
     if sees_depth:
         return on_path
     squared, signed, limbs = on_path.squared.copy(), on_path.signed.copy(), PART_OF_SEGMENT[:4]
-    rows, last = offset + path.sum(axis=1), len(teacher.joints_m) - 1
+    frames, rows, last = path[:, 0].copy(), offset + path.sum(axis=1), len(teacher.joints_m) - 1
     seen = [
-        seen_differences(learner.joints_m, path[:, 0], teacher.joints_m, np.clip(rows + shift, 0, last)) for shift in (-1, 0, 1)
+        seen_differences(learner.joints_m, frames, teacher.joints_m, np.clip(rows + shift, 0, last)) for shift in (-1, 0, 1)
     ]
     squares = [(one.scaled**2).sum(axis=-1) for one in seen]  # (L, 2, 4)
     for shift, one in enumerate(squares):
