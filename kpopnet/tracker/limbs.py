@@ -102,9 +102,10 @@ class Context(NamedTuple):
     tips: Tips  # of the silhouette
 
 
-def find_tips(segments, grid, body):
-    """The `Tips` of a silhouette, with limbs of the body's lengths, for a body whose torso is approximately correct."""
-    points, source = grid.points_m, torso_points(segments, grid.points_m)
+@njit(cache=True)
+def find_tips(source, grid, body):
+    """The `Tips` of a silhouette, with limbs of the body's lengths, from its (N,) `torso_points`."""
+    points = grid.points_m
     geodesic, predecessor = geodesic_distances(grid.neighbours, grid.edge_lengths_m, source, UNREACHABLE_M)
     tips = farthest_points(points, grid.neighbours, grid.edge_lengths_m, geodesic)
     ends, middles = np.empty((len(LIMBS), len(tips), 3)), np.empty((len(LIMBS), len(tips), 3))
@@ -306,7 +307,7 @@ def refit_limbs(joints_m, previous_m, grid, body, stride):
     """
     rows, frame, points = extend_joints(joints_m, body.trunk_offsets_m), torso_frame(joints_m), grid.points_m[::stride].copy()
     segments, part_distances = part_segments(rows, body.radii_m), np.empty((len(PARTS), len(points)))
-    tips = find_tips(segments, grid, body)
+    tips = find_tips(torso_points(segments, grid.points_m), grid, body)
     context = Context(grid, body, previous_m, frame, rows, segments, points, part_distances, tips)
     _measure_parts(context, np.arange(len(PARTS)))
     refitted = np.zeros(len(LIMBS), np.bool_)
