@@ -366,6 +366,7 @@ def pose_cost(joints_m, grid, body, stride):
     cost = points_cost(nearest[1])
     for k in range(len(segments)):
         cost += free_space_cost(segments, k, grid.depth_m, grid.nearest, grid.intrinsics)
+    # A plain 0 would be a type of its own, and both kernels compiled anew.
     cost += joint_prior(joints_m, frame[2], np.int64(0), len(JOINT_PRIORS))
     return cost + penetration_cost(segments, np.int64(0), len(COLLISION_PAIRS), np.inf)
 

@@ -26,7 +26,7 @@ POINTS_AT_CAMERA = 0.03
 the limb is better known than another."""
 
 LEAST_SINE = 1e-9
-TORSO = np.int64(Joint.TORSO)
+TORSO = np.int64(Joint.TORSO)  # of a plain number numba would make a type of its own
 
 CENTRED_M = 0.5
 """Of a person this near the origin the joints are centred, in the axes of the camera, and the line of sight is its z axis."""
