@@ -130,9 +130,8 @@ def main() -> None:
         if is_seen:
             teachers = {dance: as_seen(given.folder / f"{dance}_{way}.npz", one, name) for dance, one in teachers.items()}
         noise = f"{name}{SEEN}" if is_seen else name
-        found[way] = figures(
-            learners, [lesson_score(teachers[one.dance], one.estimated[name], noise) for one in learners], true
-        )
+        scores = [lesson_score(teachers[one.dance], one.estimated[name], noise) for one in learners]
+        found[way] = figures(learners, scores, true)
         print(way, found[way])
     if given.figures:
         write_json(given.figures, found | measured_by())

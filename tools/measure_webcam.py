@@ -218,17 +218,13 @@ def judge(
         points = {kind: [one.similarity for one in group] for kind, group in scored.items()}
         levels = np.array([points[level] for level in LEVELS])
         pairs = [levels[i] > levels[j] for i in range(len(LEVELS)) for j in range(i + 1, len(LEVELS))]
-        of_learners = against_truth([one for kind in learners for one in scored[kind]], truth)
-        figures[name] = (
-            figures.get(name, {})
-            | of_learners
-            | {
-                "pairs_in_order": int(np.sum(pairs)),
-                "pairs": int(np.size(pairs)),
-                "auc": {kind: area(points["perfect"], points[kind]) for kind in (*graded, "perfect_left_arm")},
-                "scores": {kind: [float(f(one)) for f in (np.mean, min, max)] for kind, one in points.items()},
-            }
-        )
+        figures.setdefault(name, {}).update(against_truth([one for kind in learners for one in scored[kind]], truth))
+        figures[name] |= {
+            "pairs_in_order": int(np.sum(pairs)),
+            "pairs": int(np.size(pairs)),
+            "auc": {kind: area(points["perfect"], points[kind]) for kind in (*graded, "perfect_left_arm")},
+            "scores": {kind: [float(f(one)) for f in (np.mean, min, max)] for kind, one in points.items()},
+        }
         told = {key: value for key, value in figures[name].items() if key not in ("scores", "auc")}
         print(name, ", ".join(f"{key} {value:.2f}" for key, value in told.items()))
         for kind, (mean, least, greatest) in figures[name]["scores"].items():

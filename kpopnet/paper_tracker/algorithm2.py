@@ -158,7 +158,7 @@ def candidates_of(joint, frame, joints, plan):
     return collect(joint, frame.raw_m, frame.raw_cell, geodesics_m, joints, plan)
 
 
-def track_frame(frame, state, plan):
+def track_frame(frame: Frame, state: State, plan: Plan) -> tuple[State, np.ndarray]:
     """Algorithm 2 for one `Frame`: the `State` after it, and (15,) the number of valid candidates of each joint, 0 where they
     are insufficient.
     """

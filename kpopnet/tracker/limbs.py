@@ -115,7 +115,7 @@ def find_tips(source, grid, body):
     return Tips(ends, middles, np.zeros(len(tips), np.bool_))
 
 
-def torso_points(segments, points):
+def torso_points(segments: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(N,) whether a point lies on the torso or the head, and closer to it than to any limb."""
     part, distances, _ = nearest_parts(segments, points, 1)
     return ~OF_LIMB[part] & (np.abs(distances) < TORSO_TOLERANCE_M)
@@ -298,7 +298,9 @@ def _best_candidate(limb, least_gain, context):
     return gain, candidates[best], tip_of[best]
 
 
-def refit_limbs(joints_m, previous_m, grid, body, stride):
+def refit_limbs(
+    joints_m: np.ndarray, previous_m: np.ndarray, grid: DepthGrid, body: Body, stride: int
+) -> tuple[np.ndarray, int]:
     """Refits limbs along the silhouette to its tips, or in a sampled pose, where that lowers the cost: each limb at most once,
     the largest decrease first. (15, 3) the pose, and the number of refitted limbs.
 
