@@ -45,14 +45,15 @@ sys.path.append(str(ROOT / "tests" / "helpers"))
 from teacher_page import chromium  # noqa: E402
 from webcam_films import FilmedLearner  # noqa: E402
 
-from kpopnet.dance.joint_files.mediapipe import WEBCAM  # noqa: E402
+from kpopnet.dance.joint_files.mediapipe import CAMERA, WEBCAM  # noqa: E402
 from kpopnet.dance.performance import Performance  # noqa: E402
 from kpopnet.pose import PoseEstimator  # noqa: E402
 from kpopnet.runtime.atomic_write import write_json, write_npz  # noqa: E402
 from kpopnet.runtime.provenance import measured_by  # noqa: E402
+from kpopnet.skeleton import NUM_JOINTS  # noqa: E402
 from kpopnet.teacher.library import taught_dance  # noqa: E402
 from kpopnet.teacher.live.loop import noise_of  # noqa: E402
-from kpopnet.teacher.live.webcam import recorded  # noqa: E402
+from kpopnet.teacher.live.webcam import WebcamEstimator, read_seen  # noqa: E402
 from synth.dances.live import LATE_S  # noqa: E402
 from synth.dances.taught import DANCES, Teacher, composed  # noqa: E402
 
@@ -155,8 +156,13 @@ def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseE
 
 def by_webcam(points: np.ndarray, times_s: np.ndarray) -> Performance:
     """The dance that (T, 33, 6) points show, NaN where no person was found."""
-    shown = [[] if np.isnan(found).any() else found.tolist() for found in points]
-    return recorded({"frames": [{"time_s": float(at), "points": one} for at, one in zip(times_s, shown, strict=True)]})
+    estimator, joints_m = WebcamEstimator(), np.full((len(points), NUM_JOINTS, 3), np.nan)
+    confidence = np.zeros((len(points), NUM_JOINTS))
+    for frame, (found, time_s) in enumerate(zip(points, times_s, strict=True)):
+        seen = read_seen({"points": [] if np.isnan(found).any() else found.tolist(), "age_ms": 0.0})
+        for person in estimator.update(seen.person, CAMERA, float(time_s)):
+            joints_m[frame], confidence[frame] = person.joints_camera_m, person.confidence
+    return Performance(joints_m, times_s, confidence, WEBCAM)
 
 
 def all_filmed(folder: Path, dances: range, kinds: Sequence[tuple[str, str]], depth: PoseEstimator) -> dict[str, list[Filmed]]:

@@ -17,13 +17,13 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said, keyed
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
-from kpopnet.teacher.adding import USUAL_BPM, add_group
+from kpopnet.teacher.adding import USUAL_BPM, add_group, recorded
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import page_app
 from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
-from kpopnet.teacher.live.webcam import read_seen, recorded
+from kpopnet.teacher.live.webcam import read_seen
 from kpopnet.teacher.pages import UNKNOWN, Page, add_pages
 from kpopnet.teacher.posing import Movement, as_bvh, learners_movement
 from kpopnet.teacher.profiles import Profile, Profiles
@@ -141,9 +141,9 @@ async def upload(request: web.Request) -> web.Response:
 
 @routes.post("/api/recordings")
 async def keep_recording(request: web.Request) -> web.Response:
-    """Adds a dance that the page recorded by webcam: the body is as `recorded` takes it, the query as of `upload`."""
+    """Adds a dance that the page recorded: the body is as `recorded` takes it, the query as of `upload`."""
     content = await _sent(request)
-    message = parse_json(content, "the webcam's recording")
+    message = parse_json(content, "the recording")
     return await _added(request, await asyncio.to_thread(recorded, message), Said("the recording"))
 
 

@@ -36,6 +36,7 @@ class Lesson:
     mirrored: bool = True  # whether the teacher is shown as in a mirror: the learner's left is the teacher's left
     latency_s: float = 0.0  # delay of camera, sound and display, taken off the learner's times, seconds
     calibrate: bool = False  # that delay is measured: the learner raises an arm every CALIBRATION_BEAT_S, nothing is scored
+    record: bool = False  # the page, which may make a dance of them, is told the joints of each image in metres
     who: str = ""  # the profile whose try it is, "" for none; of several learners the first's
     people: int = 1  # learners beside each other
     dancer: int = 0  # whom of a group the learner dances, from 0 on the group's left; of several learners the one on their left

@@ -26,6 +26,7 @@ from kpopnet.teacher.library import TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Lesson
 from kpopnet.teacher.live.score import Calibration, DanceTry, kept_formation, together
 from kpopnet.teacher.live.webcam import NO_DEPTH_M, WebcamCamera, WebcamEstimator
+from kpopnet.teacher.live.words import rounded
 
 PICTURE_WIDTH = 160
 NEAR_M, FAR_M = 0.5, 5.5
@@ -238,6 +239,8 @@ class RunningLesson:
                 poses = self._learners.in_order(poses)
             shown = [one.see(image, pose, self._camera) for one, pose in zip(self._tries, poses, strict=True)]
             content = shown[0] | {"dropped": images.dropped, "others": shown[1:]}
+            if self._lesson.record and poses[0] is not None:
+                self._tell("joints", {"taken_ms": content["taken_ms"], "joints": as_rows(poses[0])})
             self._tell("frame", content, picture(NO_DEPTH_M if self._webcam else image.depth_m))
         for member, one in enumerate(self._tries):
             if (verdict := one.next_verdict()) is not None:
@@ -267,6 +270,11 @@ class RunningLesson:
         elif self._away and not away:
             self._tell("back", {"from_s": self._clock.paused_s})
         self._away = away
+
+
+def as_rows(pose: PersonPose) -> list[list[float | None]]:
+    """For each joint x, y and z in metres in the camera's frame, and its confidence, as JSON; null where it is missing."""
+    return [[rounded(value, 4) for value in row] for row in np.column_stack([pose.joints_camera_m, pose.confidence])]
 
 
 def picture(depth_m: np.ndarray, most_wide: int = PICTURE_WIDTH) -> bytes:

@@ -10,12 +10,10 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.dance.joint_files.mediapipe import CAMERA, WEBCAM, Landmarks, PictureJoints
-from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES, checked_performance
+from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES
 from kpopnet.dance.joint_files.tables import numbers_in
-from kpopnet.dance.performance import Performance
 from kpopnet.pose import PersonPose
 from kpopnet.runtime.input_files import check_fields, expect
-from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources.source import CameraAwayError, LiveCamera
 
 DESCRIPTION = "the webcam of this browser"
@@ -82,21 +80,3 @@ class WebcamEstimator:
         """The person with joints (15, 3) in metres before the camera, or none; see `PoseEstimator.update`."""
         found = None if person is None else self._joints_of(person, camera, time_s)
         return [] if found is None else [PersonPose(1, *(one.astype(np.float32) for one in found))]
-
-
-def recorded(message: Any) -> Performance:
-    """A dance that the page recorded: of each picture its points, and its time in seconds; raises InputError for any other.
-
-    The message is {"frames": [{"time_s": 0.1, "points": [...]}]}, with the points of `pointsOf` in page/webcam.js.
-    """
-    where = "the webcam's recording"
-    check_fields(where, message, {"frames": list[dict]})
-    estimator, joints_m, confidence, times_s = WebcamEstimator(), [], [], []
-    for frame in message["frames"]:
-        check_fields(where, frame, {"time_s": float, "points": list})
-        people = estimator.update(read_seen({"points": frame["points"], "age_ms": 0.0}).person, CAMERA, frame["time_s"])
-        joints_m.append(people[0].joints_camera_m if people else np.full((NUM_JOINTS, 3), np.nan))
-        confidence.append(people[0].confidence if people else np.zeros(NUM_JOINTS))
-        times_s.append(frame["time_s"])
-    expect(bool(times_s), where, "pictures, found none")
-    return checked_performance(np.array(joints_m), np.array(times_s, float), np.array(confidence), where, WEBCAM)

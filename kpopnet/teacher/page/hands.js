@@ -102,3 +102,6 @@ export const after = (dances, identity) => {
   return whole[(whole.findIndex((one) => one.identity === identity) + 1) % whole.length];
 };
 export const chosenSource = (sources) => (remembered("source", "") in sources ? remembered("source", "") : Object.keys(sources)[0]);
+
+// The sources that see who sits before the page, and so can record a dance of one's own.
+export const recordable = (sources) => Object.fromEntries(Object.entries(sources).filter(([key]) => !["simulated", "recording"].includes(key)));

@@ -1,9 +1,8 @@
 // The menu: all dances with moving thumbnails, search, order, and one's own dances.
-import { chosenSource, letChoose, watch } from "./hands.js";
+import { chosenSource, letChoose, recordable, watch } from "./hands.js";
 import { greeting, myself } from "./mine.js";
 import { sketch } from "./sketch.js";
 import { ask, clock, el, remember, remembered } from "./tools.js";
-import { WEBCAM } from "./webcam.js";
 import { say } from "./words.js";
 
 const FILES = ".bvh,.npz,.glb,.vmd,.csv,.json,.c3d,.trc,.gltf,.vrm,.vrma";
@@ -42,7 +41,7 @@ export async function menu(main) {
     ...greeting(told_of), el("h1", {}, say("Choose a dance")),
     el("div", { class: "controls" }, el("label", {}, say("Search"), search), level, order,
       el("label", {}, say("Add your own ({endings} ...)", { endings: FILES.split(",").slice(0, 4) }), file),
-      WEBCAM in offer.sources ? el("a", { class: "button", id: "dance-it", href: "#/record" }, say("Dance it yourself")) : null),
+      Object.keys(recordable(offer.sources)).length ? el("a", { class: "button", id: "dance-it", href: "#/record" }, say("Dance it yourself")) : null),
     told, cards,
   );
   let first = 0;

@@ -1,22 +1,40 @@
-// Record and dance: a dance before this browser's webcam, cut to its beats and named, is a lesson.
+// Record and dance: a dance before a camera, cut to its beats and named, is a lesson.
+import { chosenSource, recordable, watching } from "./hands.js";
 import { LearnerView } from "./learner.js";
+import { liveFor } from "./live.js";
 import { MUSIC, choice } from "./panels.js";
 import { songAt, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
 import { sketch } from "./sketch.js";
-import { ask, clamp, clock, el, latencyOf, remembered } from "./tools.js";
-import { WEBCAM, Webcam, cutOut, joined } from "./webcam.js";
+import { ask, clamp, clock, el, latencyOf, remember, remembered } from "./tools.js";
+import { withoutDepth } from "./webcam.js";
 import { say } from "./words.js";
 
 const COUNTS = 4, USUAL_BPM = 120, LONGEST_S = 300, LEAST_S = 5;
-const PREVIEW_PX = [320, 240], FLOOR_CM = 20;
+const PREVIEW_PX = [320, 240], FLOOR_CM = 20, TORSO = 8;
+const DIGITS = 4, STEP_S = 0.01;
+
+// A recording's [time_s, joints] between two of its seconds as the server takes it, on a clock that begins with them: who is seen
+// later stands as then until then, so that beats stay beats.
+export function cutOut(frames, from_s, to_s) {
+  const inside = frames.filter(([time_s]) => time_s >= from_s && time_s <= to_s);
+  const within = inside.filter(([time_s]) => time_s > from_s + STEP_S && time_s < to_s - STEP_S);
+  const held = inside.length ? [[from_s, inside[0][1]], ...within, [to_s, inside.at(-1)[1]]] : [];
+  return { frames: held.map(([time_s, joints]) => ({ time_s: Number((time_s - from_s).toFixed(DIGITS)), joints })) };
+}
 
 export async function record(main) {
-  const sound = new Sound(), state = { webcam: null, start: 0, frames: [], seconds: 0, saving: false, closed: false };
+  const [dances, offer] = await Promise.all([ask("/api/dances"), ask("/api/offer")]);
+  if (!main.isConnected) return () => {}; // the page shows another view by now, which has the connection
+  const dance = dances.find(({ broken }) => !broken), sources = recordable(offer.sources); // every lesson is of a dance
+  if (!dance || !Object.keys(sources).length) throw new Error(say("there is no camera that could record you"));
+  const sound = new Sound(), state = { running: false, start: 0, frames: [], seconds: 0, saving: false, closed: false };
+  const source = choice("source", Object.entries(sources).map(([key, text]) => [key, say(text)]), chosenSource(sources));
   const music = choice("music", MUSIC, remembered("music", "tick")), tempo = el("input", { type: "number", id: "bpm", min: 40, max: 240, value: USUAL_BPM });
-  const song = songPanel(heard), start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.webcam ? stop("") : begin()) }, say("Record"));
+  const song = songPanel(heard), start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.running ? stop("") : begin()) }, say("Record"));
   const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
   const canvas = el("canvas", { id: "learner", role: "img", "aria-label": say("your picture with your skeleton") }), count = el("div", { class: "count", "aria-hidden": "true" });
+  const guide = el("div", { class: "guide", role: "status" });
   const preview = el("canvas", { id: "preview", width: PREVIEW_PX[0], height: PREVIEW_PX[1], role: "img", "aria-label": say("your dance, as it is cut") });
   const [from, to] = ["from", "to"].map((id) => el("input", { type: "range", id, min: 0, oninput: cut }));
   const excerpt = el("p", { id: "excerpt", role: "status" }), name = el("input", { id: "name", maxLength: 60, required: true, autocomplete: "off" });
@@ -24,12 +42,15 @@ export async function record(main) {
     el("div", { class: "controls" }, el("label", {}, say("begins"), from), el("label", {}, say("ends"), to)), excerpt,
     el("div", { class: "controls" }, el("label", {}, say("name"), name), el("button", { class: "main", id: "save", type: "submit" }, say("Make it a lesson"))));
   main.append(el("h1", {}, say("Dance it yourself")),
-    el("p", { class: "quiet" }, say("Stand so that the webcam sees you from head to feet. {counts} counts lead in; dance, and press Stop (or the space bar). "
-      + "The picture stays in this browser.", { counts: COUNTS })),
-    el("div", { class: "controls" }, start, el("label", {}, say("music"), music), el("label", {}, say("beats a minute"), tempo)), song.panel, failed, told,
-    el("div", { class: "panel seen calibrating" }, canvas, count), editor, el("p", {}, el("a", { href: "#/" }, say("To the dances"))));
+    el("p", { class: "quiet" }, say("Stand so that the camera sees you from head to feet. {counts} counts lead in; dance, and press Stop (or the space bar).",
+      { counts: COUNTS })),
+    el("div", { class: "controls" }, start, el("label", {}, say("camera"), source), el("label", {}, say("music"), music),
+      el("label", {}, say("beats a minute"), tempo)),
+    withoutDepth(source), song.panel, failed, told, el("div", { class: "panel seen calibrating" }, canvas, count, guide), editor, el("p", {}, el("a", { href: "#/" }, say("To the dances"))));
   main.dataset.busy = ""; // nothing here is chosen by hand, and a dance would be lost
-  const learner = new LearnerView(canvas);
+  const learner = new LearnerView(canvas), fail = ({ text }) => state.running && stop(say(text));
+  const live = liveFor({ preparing: ({ text }) => { told.textContent = say(text); }, frame, joints, away: fail, error: fail,
+    lost: () => fail({ text: "the teacher's program does not answer; is it still running?" }) });
   const onKey = (event) => {
     if (event.key !== " " || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
     if (!editor.hidden || event.target.closest("input, select, button, a, summary, audio")) return; // a dance waits to be saved
@@ -55,7 +76,7 @@ export async function record(main) {
     document.removeEventListener("keydown", onKey);
     for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
     sound.close();
-    state.webcam?.close();
+    live.leave();
   };
 
   function heard() {
@@ -70,21 +91,29 @@ export async function record(main) {
 
   function begin() {
     sound.wake();
-    Object.assign(state, { frames: [], start: 0, webcam: new Webcam(seen, stop) });
-    editor.hidden = true;
+    remember("source", source.value);
+    Object.assign(state, { running: true, frames: [], start: 0 });
+    editor.hidden = source.disabled = true;
     failed.textContent = "";
     told.textContent = say("looking for you");
     start.textContent = say("Stop");
     start.blur(); // a focused button takes every space bar for itself
+    const asked = watching(dance, source.value);
+    live.send({ ...asked, lesson: { ...asked.lesson, record: true } });
   }
 
-  function seen(points, age_ms) {
-    const now = performance.now();
-    learner.show(state.webcam.picture, { joints: points.length ? joined(points).map(([, , z, u, v, sure]) => [u, v, z, sure]) : null, colour: "#fff" }, true);
-    if (!state.start && points.length) lead(now);
-    const at_ms = now - age_ms - state.start - 1000 * (latencyOf(WEBCAM) || 0);
-    if (state.start && at_ms >= 0 && points.length) state.frames.push([at_ms / 1000, points]);
-    if (state.start && at_ms > 1000 * LONGEST_S) stop("");
+  function frame(content, picture) {
+    learner.show(picture, { joints: content.joints, colour: "#fff" }, true);
+    guide.textContent = say(content.guidance);
+    if (state.running && !state.start && content.joints) lead(performance.now());
+  }
+
+  // Of each image, also of those that are not drawn; between two machines, whose clocks become known by and by, time does not go back.
+  function joints({ taken_ms, joints: seen }) {
+    if (!state.start) return;
+    const at_ms = performance.now() - live.clock.since(taken_ms, Date.now()) - state.start - 1000 * (latencyOf(source.value) || 0);
+    if (at_ms / 1000 >= (state.frames.at(-1)?.[0] ?? -STEP_S) + STEP_S) state.frames.push([at_ms / 1000, seen]);
+    if (at_ms > 1000 * LONGEST_S) stop("");
   }
 
   function lead(now) {
@@ -97,11 +126,12 @@ export async function record(main) {
   }
 
   function stop(message) {
-    state.webcam?.close();
-    Object.assign(state, { webcam: null, start: 0 });
+    live.send({ do: "stop" });
+    Object.assign(state, { running: false, start: 0 });
+    source.disabled = false;
     sound.stop();
     start.textContent = say("Record");
-    told.textContent = count.textContent = "";
+    told.textContent = count.textContent = guide.textContent = "";
     failed.textContent = message;
     state.seconds = state.frames.length ? state.frames.at(-1)[0] : 0;
     if (!state.frames.length) return;
@@ -153,11 +183,13 @@ export async function record(main) {
     count.textContent = beats < 0 && beats >= -COUNTS ? String(Math.floor(beats) + 1 + COUNTS) : "";
     if (!editor.hidden) {
       const [from_s, to_s] = bounds(), at_s = from_s + now / 1000 % Math.max(to_s - from_s, 1);
-      const [, points] = state.frames.find(([time_s]) => time_s >= at_s) || state.frames.at(-1), [width, height] = PREVIEW_PX, pen = preview.getContext("2d");
+      const [, shown] = state.frames.find(([time_s]) => time_s >= at_s) || state.frames.at(-1), [width, height] = PREVIEW_PX, pen = preview.getContext("2d");
+      const [torso_x, torso_y] = shown[TORSO];
       pen.clearRect(0, 0, width, height);
-      sketch(pen, joined(points).flatMap(([x, y]) => [100 * x, -100 * y]),
+      sketch(pen, shown.flatMap(([x, y]) => [100 * ((x ?? torso_x) - torso_x), 100 * (torso_y - (y ?? torso_y))]),
         { x: width / 2, y: height / 2, scale: height / (200 + FLOOR_CM), ink: getComputedStyle(document.body).color, mirrored: true });
     }
+    live.draw();
     requestAnimationFrame(animate);
   }
 }

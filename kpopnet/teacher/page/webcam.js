@@ -12,7 +12,7 @@ const REFUSALS = {
   NotFoundError: "no webcam was found; plug one in, or choose another source",
   NotReadableError: "the webcam is used by another program; close that one, then press Start",
 };
-const DIGITS = 4, STEP_S = 0.01;
+const DIGITS = 4;
 
 // The line that says what depth would add, as long as a webcam is chosen in a select of sources.
 export function withoutDepth(source) {
@@ -33,21 +33,6 @@ export function pointsOf({ poseLandmarks, poseWorldLandmarks }, bars = [0, 0]) {
     const inside = [u, v].every((place, axis) => place >= bars[axis] / 2 && place <= 1 - bars[axis] / 2);
     return [x, y, z, u, v, inside ? visibility : 0].map((value) => Number(value.toFixed(DIGITS)));
   });
-}
-
-// MediaPipe's points whose mean is each of the fifteen joints, for a figure; the server makes its own of them.
-const JOINTS = [[7, 8], [11, 12], [12], [11], [14], [13], [16, 18, 20], [15, 17, 19], [11, 12, 23, 24], [24], [23], [26], [25], [28, 32], [27, 31]];
-
-// The fifteen joints of 33 points as of `pointsOf`.
-export const joined = (points) => JOINTS.map((from) => points[0].map((_, axis) => from.reduce((sum, k) => sum + points[k][axis], 0) / from.length));
-
-// A recording's [time_s, points] between two of its seconds as the server takes it, on a clock that begins with them: who is seen
-// later stands as then until then, so that beats stay beats.
-export function cutOut(frames, from_s, to_s) {
-  const inside = frames.filter(([time_s]) => time_s >= from_s && time_s <= to_s);
-  const within = inside.filter(([time_s]) => time_s > from_s + STEP_S && time_s < to_s - STEP_S);
-  const held = inside.length ? [[from_s, inside[0][1]], ...within, [to_s, inside.at(-1)[1]]] : [];
-  return { frames: held.map(([time_s, points]) => ({ time_s: Number((time_s - from_s).toFixed(DIGITS)), points })) };
 }
 
 export class Webcam {

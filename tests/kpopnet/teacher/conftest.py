@@ -5,9 +5,11 @@ from functools import partial
 
 import pytest
 
+from kpopnet.dance.joint_files.mediapipe import WEBCAM
 from kpopnet.programs.teach import open_source
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import Library, TeacherBody, taught_dance
+from kpopnet.teacher.live.webcam import DESCRIPTION
 from synth.body.teacher import teacher_arrays
 from synth.dances.taught import Teacher
 
@@ -28,7 +30,7 @@ def teaching(library, tmp_path):
     from kpopnet.teacher.tries import Tries
     from synth.dances.live import FAULTS, SKILLS
 
-    sources = {"simulated": "a simulated learner"}
+    sources = {"simulated": "a simulated learner", WEBCAM: DESCRIPTION}
     return Teaching(library, Tries(tmp_path / "tries"), partial(open_source, None), "tracker", sources, SKILLS, FAULTS)
 
 

@@ -9,7 +9,6 @@ import struct
 import time
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 from posixpath import dirname, normpath
 from unittest.mock import Mock
 
@@ -24,12 +23,12 @@ from yarl import URL  # noqa: E402
 
 from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
 from kpopnet.errors import InputError  # noqa: E402
+from kpopnet.pose import PersonPose  # noqa: E402
 from kpopnet.skeleton import Joint  # noqa: E402
+from kpopnet.teacher.live.loop import as_rows  # noqa: E402
 from kpopnet.teacher.pages import MOST_PAGES  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
 from kpopnet.teacher.server import MAX_MESSAGE_BYTES, MAX_UPLOAD_BYTES, LessonPage  # noqa: E402
-
-ASSETS = Path(__file__).parents[2] / "assets"
 
 
 @with_its_client
@@ -159,16 +158,32 @@ async def test_uploads_at_once_get_names_of_their_own_and_broken_ones_a_clear_se
 
 
 @with_its_client
-async def test_a_dance_recorded_by_webcam_is_a_lesson_and_another_message_a_clear_sentence(client, own):
-    with np.load(ASSETS / "webcam_points.npz") as stored:
-        points = stored["points"][:4].tolist()  # of one person
-    frames = [{"time_s": number / 10, "points": points[number // 15]} for number in range(60)]
+async def test_a_dance_recorded_by_the_page_is_a_lesson_and_another_message_a_clear_sentence(client, own, library):
+    danced, fps = library.dance("dance_001").joints_m[:180].copy(), library.dance("dance_001").fps
+    poses = [PersonPose(1, joints_m.copy(), np.full(15, 0.9, np.float32)) for joints_m in danced]
+    poses[5].joints_camera_m[Joint.LEFT_HAND], poses[5].confidence[Joint.LEFT_HAND] = np.nan, 0  # is missing
+    frames = [{"time_s": number / fps, "joints": as_rows(pose)} for number, pose in enumerate(poses)]
     added = await client.told("/api/recordings?title=Mine&bpm=90", method="POST", json={"frames": frames})
-    for sent, told in ((b"[", "not valid JSON"), (b'{"frames": []}', "pictures, found none"), (b"{}", "frames")):
-        assert told in await client.refused("/api/recordings", method="POST", data=sent)
+    one = [0.0, 0.0, 2.0, 0.9]
+    for sent, told in (
+        ("[", "not valid JSON"),
+        ('{"frames": []}', "images, found none"),
+        ("{}", "frames"),
+        ({"frames": [1]}, "frames"),
+        ({"frames": [{"time_s": 0.0}]}, "joints"),
+        ({"frames": [{"time_s": 0.0, "joints": [one] * 14}]}, "expected 15 joints"),
+        ({"frames": [{"time_s": 0.0, "joints": [one[:3]] * 15}]}, "4 numbers"),
+        ({"frames": [{"time_s": 0.0, "joints": [["x"] * 4] * 15}]}, "4 numbers"),
+        ({"frames": [{"time_s": time_s, "joints": [one] * 15} for time_s in (0.0, 0.0)]}, "times must"),
+        ({"frames": [{"time_s": time_s, "joints": [[None] * 4] * 15} for time_s in (0.0, 0.1)]}, "missing in every frame"),
+    ):
+        content = sent if isinstance(sent, str) else json.dumps(sent)
+        assert told in await client.refused("/api/recordings", method="POST", data=content), told
     dance = own.library.dance(added["identity"])
     assert dance.about.name == "Mine" and dance.about.bpm == 90 and 5.8 < dance.about.seconds < 6
-    assert np.nanmedian(dance.joints_m[:, Joint.RIGHT_FOOT, 1] - dance.joints_m[:, Joint.HEAD, 1]) > 1
+    about_m = [joints_m - joints_m[:, [Joint.TORSO]] for joints_m in (dance.joints_m, danced[: len(dance.joints_m)])]
+    assert np.argwhere(np.isnan(dance.joints_m[..., 0])).tolist() == [[5, Joint.LEFT_HAND]]
+    assert np.nanmedian(np.linalg.norm(about_m[0] - about_m[1], axis=-1)) < 0.001
 
 
 @with_its_client

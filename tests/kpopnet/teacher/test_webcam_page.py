@@ -14,9 +14,9 @@ from programs import tool
 from teacher_page import chromium, served, skip_without_browser
 from webcam_films import STAMP_BITS, STAMP_PX, FilmedLearner, write_film
 
-from kpopnet.dance.joint_files.mediapipe import CAMERA, WEBCAM
+from kpopnet.dance.joint_files.mediapipe import CAMERA
 from kpopnet.skeleton import Joint
-from kpopnet.teacher.live.webcam import DESCRIPTION, WebcamEstimator, read_seen
+from kpopnet.teacher.live.webcam import WebcamEstimator, read_seen
 
 skip_without_browser()
 
@@ -56,7 +56,6 @@ def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(librar
     dance, heard, film = library.dance("dance_001"), [], tmp_path / "film.mjpeg"
     learner = FilmedLearner(dance.quats, dance.hips_m, dance.fps, "perfect", seed=61)
     true_m = write_film(film, learner, range(FRAMES), REPEATED)
-    teaching.sources[WEBCAM] = DESCRIPTION
 
     def note(message):
         heard.append(read_seen(message))

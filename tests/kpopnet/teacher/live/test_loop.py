@@ -147,6 +147,25 @@ def held(library, monkeypatch, request):
         yield server, cameras[0]
 
 
+def test_who_is_recorded_has_the_joints_of_every_image_told_and_others_do_not(library, monkeypatch):
+    dance = library.dance("dance_001")
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: Knowing(dance))
+    first = [[*map(float, point), 1.0] for point in dance.joints_m[0].astype(np.float64).round(4)]
+    for record in (True, False):
+        with serving(lambda lesson, dance, clock: Unsteady(clock)) as server:
+            server.send(("prepare", 1, Lesson("dance_001", to_s=4.0, calibrate=True, record=record), dance))
+            told(server, "ready")
+            kinds, taken_ms = [], []
+            while kinds.count("frame") < 10:
+                assert server.poll(60)
+                _, kind, content, _ = server.recv()
+                kinds.append(kind)
+                taken_ms.append(content["taken_ms"])
+                assert kind == "frame" or content["joints"] == first
+        assert kinds == (["joints", "frame"] if record else ["frame"]) * 10
+        assert not record or taken_ms[::2] == taken_ms[1::2] == sorted(set(taken_ms))
+
+
 def told(server, kind: str, frames: list | None = None) -> dict:
     """The next message of a kind; frames before it are kept."""
     while server.poll(60):

@@ -12,7 +12,7 @@ from kpopnet.errors import InputError
 from kpopnet.networks.lifting import READ, Lifting
 from kpopnet.skeleton import Joint
 from kpopnet.sources.source import CameraAwayError
-from kpopnet.teacher.live.webcam import WebcamCamera, WebcamEstimator, read_seen, recorded
+from kpopnet.teacher.live.webcam import WebcamCamera, WebcamEstimator, read_seen
 
 PLACE_M, ON_AXIS_M = np.array([0.3, 0.1, 2.6]), np.array([0.0, 0.0, 2.6])
 
@@ -123,17 +123,6 @@ def test_who_turns_round_is_not_exchanged_and_who_is_seen_so_for_long_is_believe
     assert apart[0] > 0 > apart[1]
 
 
-def test_a_recording_is_the_joints_of_its_pictures(joints):
-    pictures = [message(PLACE_M + np.array([0, 0, 0.01 * number]))["points"] for number in range(6)]
-    frames = [{"time_s": number / 10, "points": one} for number, one in enumerate([*pictures[:3], [], *pictures[3:]])]
-    dance = recorded({"frames": frames})
-    np.testing.assert_allclose(dance.times_s, np.arange(7) / 10)
-    assert np.isnan(dance.joints_m[3]).all() and not dance.confidence[3].any()
-    for number, danced in enumerate(np.delete(np.arange(7), 3)):
-        alone = joints({"points": pictures[number], "age_ms": 0.0})
-        np.testing.assert_allclose(dance.joints_m[danced], alone.joints_camera_m)
-
-
 def test_the_time_is_that_of_the_picture_and_silence_is_told(monkeypatch):
     monkeypatch.setattr("kpopnet.teacher.live.webcam.time.monotonic", lambda: 100.0)
     assert read_seen(message()).taken == pytest.approx(99.96)
@@ -145,14 +134,10 @@ def test_the_time_is_that_of_the_picture_and_silence_is_told(monkeypatch):
         camera.read()
 
 
-RECORDINGS = ({}, {"frames": []}, {"frames": [{"time_s": 0.0}]}, {"frames": [1]})
 POINTS = ("none", [[0.0] * 6], [[None] * 6] * 33, [[1e9] * 6] * 33)
 
 
 def test_other_messages_are_refused():
-    for given in RECORDINGS:
-        with pytest.raises(InputError, match="the webcam's recording"):
-            recorded(given)
     for change in (*({"points": one} for one in POINTS), {"age_ms": -1.0}, {"age_ms": math.inf}):
         with pytest.raises(InputError, match="the webcam's points"):
             read_seen(message() | change)

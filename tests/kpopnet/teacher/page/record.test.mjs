@@ -1,13 +1,14 @@
-// Record and dance: a dance before a webcam that the test plays.
+// Record and dance: a dance before a camera that the test plays.
 import assert from "node:assert/strict";
 import { beforeEach, mock, test } from "node:test";
 import "./dom.mjs";
 
-let now_ms, video, track, listeners, view;
+let now_ms, video, track, listeners, view, socket, animate;
 const anything = new Proxy(() => {}, { get: (_, name) => (name === Symbol.toPrimitive ? () => 0 : anything), apply: () => anything });
-const { createElement } = document;
+const { createElement } = document, settled = () => new Promise((go) => { setTimeout(go, 5); });
+const OFFER = { sources: { simulated: "a simulated learner", realsense: "a RealSense", webcam: "the webcam of this browser" } };
 Object.assign(globalThis, {
-  devicePixelRatio: 1, location: { hash: "" }, requestAnimationFrame() {}, getComputedStyle: () => ({}),
+  devicePixelRatio: 1, location: { hash: "" }, getComputedStyle: () => ({}), requestAnimationFrame(draw) { animate = draw; },
   AudioContext: function AudioContext() { return anything; },
   OfflineAudioContext: class { decodeAudioData = () => new Promise(() => {}); }, // a song that is read for as long as the test lasts
   createImageBitmap: async () => ({}),
@@ -15,6 +16,40 @@ Object.assign(globalThis, {
     postMessage() {
       const found = { poseLandmarks: Array(33).fill({ x: 0.5, y: 0.5, visibility: 1 }), poseWorldLandmarks: Array(33).fill({ x: 0, y: 0, z: 0 }) };
       queueMicrotask(() => this.dispatchEvent(Object.assign(new Event("message"), { data: { found } })));
+    }
+  },
+  WebSocket: class {
+    static OPEN = 1;
+
+    constructor() {
+      Object.assign(this, { readyState: 1, sent: [], listeners: {} });
+      socket = this;
+    }
+
+    addEventListener(kind, listener) {
+      this.listeners[kind] = listener;
+    }
+
+    // The lesson's process answers each of a webcam's pictures.
+    send(text) {
+      this.sent.push(JSON.parse(text));
+      if (this.sent.at(-1).do === "see") this.see(this.sent.at(-1).points.length > 0);
+    }
+
+    say(message) {
+      this.listeners.message({ data: JSON.stringify(message) });
+    }
+
+    // Of an image of a moment ago, with a person or without, whether the page draws it or not.
+    see(person, drawn = true) {
+      const timed = { taken_ms: now_ms - 20, sent_ms: now_ms, heard_ms: null };
+      if (person) this.say({ kind: "joints", taken_ms: timed.taken_ms, joints: Array(15).fill([0.1, 0.2, now_ms / 1000, 0.9]) });
+      const content = { kind: "frame", ...timed, guidance: "step back", joints: person ? Array(15).fill([0.5, 0.5, 2, 0.9]) : null };
+      const text = new TextEncoder().encode(JSON.stringify(content)), data = new Uint8Array(4 + text.length + 5);
+      new DataView(data.buffer).setUint32(0, text.length, true);
+      data.set(text, 4);
+      data.set([1, 0, 1, 0, 0], 4 + text.length);
+      if (drawn) this.listeners.message({ data: data.buffer });
     }
   },
 });
@@ -28,32 +63,38 @@ Object.assign(document, {
 Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
 Object.defineProperty(globalThis, "navigator", { value: { mediaDevices: { getUserMedia: async () => ({ getTracks: () => [track] }) } } });
 mock.method(performance, "now", () => now_ms);
+mock.method(Date, "now", () => now_ms);
 
 const PAGE = "../../../../kpopnet/teacher/page/";
-const { record } = await import(`${PAGE}record.js`);
+const { cutOut, record } = await import(`${PAGE}record.js`);
+const { recordable } = await import(`${PAGE}hands.js`);
 const { songTempo } = await import(`${PAGE}song.js`);
 const { Webcam } = await import(`${PAGE}webcam.js`);
 const part = (id) => view.querySelector(`#${id}`);
-const settled = () => new Promise((go) => { setTimeout(go, 5); });
 
 beforeEach(async () => {
   [now_ms, listeners, location.hash, track] = [1000, {}, "", Object.assign(createElement("track"), { stop() {} })];
+  globalThis.fetch = async (path) => Response.json(path === "/api/offer" ? OFFER : [{ identity: "x", broken: "damaged" }, { identity: "d", seconds: 60 }]);
   view = createElement("main");
   await record(view);
   part("music").value = "none";
 });
 
-async function picture(at_s) {
+async function image(at_s, person = true, drawn = true) {
   now_ms = 1000 * at_s;
-  video(now_ms, {});
-  await settled();
+  if (part("source").value === "webcam") {
+    video(now_ms, {});
+    await settled();
+  } else socket.see(person, drawn);
+  animate(now_ms);
 }
 
 // Seen first at second 1; the four counts end at 3.3.
-async function dance(until_s) {
+async function dance(until_s, source = "realsense") {
+  part("source").value = source;
   part("start").listeners.click();
   await settled();
-  for (let at_s = 1; at_s <= until_s; at_s += 0.5) await picture(at_s);
+  for (let at_s = 1; at_s <= until_s; at_s += 0.5) await image(at_s);
 }
 
 function drop(name) {
@@ -62,13 +103,54 @@ function drop(name) {
 
 const save = () => part("editor").listeners.submit({ preventDefault() {} });
 
+// What is saved of a recording.
+async function saved() {
+  let sent;
+  globalThis.fetch = async (path, { body }) => { sent = JSON.parse(body); return Response.json({ identity: "mine" }); };
+  await save();
+  assert.equal(location.hash, "#/dance/mine");
+  return sent.frames;
+}
+
+test("cameras can record, a simulated learner and a recording cannot, and nothing but a camera is offered", () => {
+  assert.deepEqual(recordable({ simulated: "", recording: "", webcam: "w", realsense: "r" }), { webcam: "w", realsense: "r" });
+  assert.deepEqual(part("source").options.map(({ value }) => value), ["realsense", "webcam"]);
+});
+
+test("the joints of every image from the one on are kept with their times, drawn or not, and the rest is told", async () => {
+  part("start").listeners.click();
+  const asked = socket.sent.at(-1);
+  assert.deepEqual([asked.do, asked.lesson.dance, asked.lesson.source, asked.lesson.record], ["prepare", "d", "realsense", true]);
+  socket.say({ kind: "preparing", text: "opening the camera" });
+  assert.equal(part("told").textContent, "opening the camera");
+  await image(1, false);
+  assert.equal(part("told").textContent, "opening the camera");
+  await image(2);
+  assert.equal(part("told").textContent, "dance from the one on"); // at 4.3
+  assert.ok(part("source").disabled);
+  for (const [at_s, person, drawn] of [[4.3, true, true], [4.4, true, true], [4.5, true, false], [4.6, false, true], [9.6, true, true]]) await image(at_s, person, drawn);
+  socket.say({ kind: "joints", taken_ms: now_ms - 500, joints: [] }); // a clock that went back
+  part("start").listeners.click();
+  assert.deepEqual([socket.sent.at(-1).do, part("source").disabled], ["stop", false]);
+  const frames = await saved();
+  assert.deepEqual(frames.map(({ time_s }) => time_s), [0, 0.08, 0.18, 5]);
+  assert.deepEqual(frames[2].joints[3], [0.1, 0.2, 4.5, 0.9]);
+});
+
+test("a cut recording begins and ends with its excerpt, and keeps the times in between", () => {
+  const frames = [0.5, 1.2, 1.3, 2.5, 3.5].map((time_s) => [time_s, [[time_s, 0, 2, 0.9]]]);
+  const cut = cutOut(frames, 1, 3).frames.map(({ time_s, joints: [[x, , , sure]] }) => [time_s, x, sure]);
+  assert.deepEqual(cut, [[0, 1.2, 0.9], [0.2, 1.2, 0.9], [0.3, 1.3, 0.9], [1.5, 2.5, 0.9], [2, 2.5, 0.9]]);
+  assert.deepEqual(cutOut(frames, 4, 9).frames, []);
+});
+
 test("a song that is dropped while a dance is recorded is taken, and the recording goes on", async () => {
   await dance(5);
   drop("new.mp3");
   assert.equal(part("music").value, "song");
   assert.match(part("song-told").textContent, /new\.mp3/);
   assert.equal(part("song-panel").hidden, false);
-  for (const at_s of [8, 12]) await picture(at_s);
+  for (const at_s of [8, 12]) await image(at_s);
   part("start").listeners.click();
   assert.equal(part("editor").hidden, false);
   assert.match(part("excerpt").textContent, /8\.5 s/);
@@ -87,16 +169,27 @@ test("the tempo of a song does not stay when another is taken", async () => {
   assert.deepEqual([songTempo(), part("bpm").disabled], [0, false]);
 });
 
-test("a webcam that fails leaves what it has seen to be saved", async () => {
-  await dance(12);
+for (const [what, fail, told] of [
+  ["fails", () => socket.say({ kind: "error", text: "the camera broke" }), /camera broke/],
+  ["is unplugged", () => socket.say({ kind: "away", text: "plug it in" }), /plug it in/],
+  ["is lost with the program", () => socket.listeners.close(), /does not answer/],
+]) {
+  test(`a camera that ${what} leaves what it has seen to be saved`, async () => {
+    await dance(12);
+    fail();
+    assert.match(part("error").textContent, told);
+    assert.equal(part("editor").hidden, false);
+    const frames = await saved();
+    assert.ok(frames.length > 10 && frames.at(-1).time_s >= 8);
+  });
+}
+
+test("a webcam's pictures are asked about like a camera's images, and one that ends leaves what it has seen", async () => {
+  await dance(12, "webcam");
   track.listeners.ended();
   assert.match(part("error").textContent, /no webcam was found/);
-  assert.equal(part("editor").hidden, false);
-  let sent;
-  globalThis.fetch = async (path, { body }) => { sent = JSON.parse(body); return Response.json({ identity: "mine" }); };
-  await save();
-  assert.equal(location.hash, "#/dance/mine");
-  assert.ok(sent.frames.length > 10 && sent.frames.at(-1).time_s >= 8);
+  const frames = await saved();
+  assert.ok(frames.length > 10 && frames.at(-1).time_s >= 8);
 });
 
 test("a lesson is saved once, and again if that failed", async () => {
@@ -123,7 +216,11 @@ test("a lesson is saved once, and again if that failed", async () => {
 test("joints are drawn over the picture in which they were found, not over the newest", async () => {
   const told = [], webcam = new Webcam((points, age_ms) => told.push([now_ms - age_ms, webcam.picture]), assert.fail);
   await settled();
-  for (const at_s of [1, 1.1, 1.2]) await picture(at_s);
+  for (const at_s of [1, 1.1, 1.2]) {
+    now_ms = 1000 * at_s;
+    video(now_ms, {});
+    await settled();
+  }
   webcam.close();
   assert.deepEqual(told.map(([taken]) => taken), [1000, 1100, 1200]);
   assert.equal(new Set(told.map(([, canvas]) => canvas)).size, 3);
