@@ -167,6 +167,7 @@ export default {
   "the browser may not use the webcam; allow it beside the address of this page, then press Start": "der Browser darf die Webcam nicht benutzen; erlaube sie neben der Adresse dieser Seite und drücke Start",
   "no webcam was found; plug one in, or choose another source": "keine Webcam gefunden; schließe eine an oder wähle eine andere Quelle",
   "the webcam is used by another program; close that one, then press Start": "ein anderes Programm benutzt die Webcam; schließe es und drücke Start",
+  "this browser has no WebGL in its threads; recent versions of Chrome, Edge, Firefox and Safari have": "dieser Browser hat kein WebGL in seinen Threads; neuere Versionen von Chrome, Edge, Firefox und Safari haben es",
   "the webcam failed: {reason}": "Fehler der Webcam: {reason}",
   "browsers give it to pages of their own machine alone; open http://127.0.0.1 there": "Browser geben die Webcam nur für Seiten des eigenen Rechners frei; öffne dort http://127.0.0.1",
   "Your tries": "Deine Versuche",

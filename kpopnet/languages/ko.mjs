@@ -167,6 +167,7 @@ export default {
   "the browser may not use the webcam; allow it beside the address of this page, then press Start": "브라우저가 웹캠을 쓸 수 없어요. 주소창 옆에서 허용한 뒤 시작을 누르세요",
   "no webcam was found; plug one in, or choose another source": "웹캠을 찾지 못했어요. 연결하거나 다른 카메라를 고르세요",
   "the webcam is used by another program; close that one, then press Start": "다른 프로그램이 웹캠을 쓰고 있어요. 그 프로그램을 닫고 시작을 누르세요",
+  "this browser has no WebGL in its threads; recent versions of Chrome, Edge, Firefox and Safari have": "이 브라우저의 스레드에서는 WebGL을 쓸 수 없어요. 최신 Chrome, Edge, Firefox, Safari를 써 보세요",
   "the webcam failed: {reason}": "웹캠 오류: {reason}",
   "browsers give it to pages of their own machine alone; open http://127.0.0.1 there": "브라우저는 같은 컴퓨터의 페이지에만 웹캠을 허용해요. 그 컴퓨터에서 http://127.0.0.1 주소를 여세요",
   "Your tries": "내 기록",

@@ -15,7 +15,7 @@ from kpopnet.viz.view_page import packed
 
 FPS = 30.0
 MODULES = {"three": "teacher/page/vendor/three.js", "ko": "languages/ko.mjs", "de": "languages/de.mjs"} | {
-    name: f"teacher/page/{name}.js" for name in ("memory", "words", "tools", "body", "practice", "result", "score")
+    name: f"teacher/page/{name}.js" for name in ("memory", "words", "tools", "flat", "body", "practice", "result", "score")
 }
 """The modules of the page by their names in it."""
 

@@ -3,6 +3,7 @@ import {
   BufferAttribute, BufferGeometry, Bone, CircleGeometry, Color, DirectionalLight, GridHelper, Group, HemisphereLight, Matrix4, Mesh,
   MeshStandardMaterial, OrbitControls, PerspectiveCamera, Quaternion, Scene, Skeleton, SkinnedMesh, WebGLRenderer,
 } from "./vendor/three.js";
+import { FlatLoad, FlatRenderer } from "./flat.js";
 import { ask, clamp, unpacked } from "./tools.js";
 
 let body = null;
@@ -67,7 +68,11 @@ export class Dancer {
     const material = new MeshStandardMaterial({ vertexColors: true, roughness: 0.85 });
     this.mesh = new SkinnedMesh(geometryOf(found, COLOURS[kind]), material);
     this.mesh.frustumCulled = false;
-    this.bones = found.names.map(() => new Bone());
+    this.bones = found.names.map((name) => {
+      const piece = CLOTHES.find(([pattern]) => pattern.test(name))[1], bone = new Bone();
+      bone.userData = { ink: COLOURS[kind][piece === "waist" ? "trousers" : piece], head: name === "Head" }; // for `FlatRenderer`
+      return bone;
+    });
     const inverses = found.names.map((_, bone) => {
       const rotation = found.t_pose[bone], offset = turned(rotation, found.heads_m[bone]);
       return new Matrix4().set(...rotation[0], -offset[0], ...rotation[1], -offset[1], ...rotation[2], -offset[2], 0, 0, 0, 1);
@@ -151,10 +156,18 @@ export function distanceOf(places_m, aspect) {
   return Math.max(LEAST_M, ...places_m.map(({ x, z }) => z + (Math.abs(x) + BESIDE_M) / wide));
 }
 
+function rendererOf(canvas) {
+  try {
+    return new WebGLRenderer({ canvas, alpha: true });
+  } catch { // which it has told in the console
+    return new FlatRenderer(canvas);
+  }
+}
+
 export class View {
   constructor(canvas) {
     this.canvas = canvas;
-    this.renderer = new WebGLRenderer({ canvas, alpha: true });
+    this.renderer = rendererOf(canvas);
     this.scene = new Scene();
     this.camera = new PerspectiveCamera(FIELD_DEG, 4 / 3, 0.1, 60);
     this.camera.position.set(0, 1.25, 3.6);
@@ -175,7 +188,7 @@ export class View {
     this.scene.add(this.stage, sun, new HemisphereLight("#ffffff", "#666077", 1.6), floor, new GridHelper(3.6, 6, "#55506a", "#66617a"));
     this.dancers = [];
     this.changed = true;
-    this.load = new DrawingLoad(this.renderer.getContext(), devicePixelRatio);
+    this.load = this.renderer instanceof FlatRenderer ? new FlatLoad(devicePixelRatio) : new DrawingLoad(this.renderer.getContext(), devicePixelRatio);
   }
 
   add(found, kind, x) {
@@ -210,7 +223,10 @@ export class View {
 
   draw(time_s) {
     const { clientWidth, clientHeight } = this.canvas, now = performance.now();
-    if (!clientWidth || !this.load.allows(now) || (time_s === this.shown && !this.changed && clientWidth === this.width && clientHeight === this.height)) return;
+    const still = time_s === this.shown && !this.changed && clientWidth === this.width && clientHeight === this.height;
+    // WebKit shows a drawing when the next one is made: what stands still is drawn twice.
+    if (!clientWidth || !this.load.allows(now) || (still && this.twice)) return;
+    this.twice = still;
     if (clientWidth !== this.width || clientHeight !== this.height || this.load.ratio !== this.ratio) {
       [this.width, this.height, this.ratio] = [clientWidth, clientHeight, this.load.ratio];
       this.renderer.setPixelRatio(this.ratio);

@@ -28,13 +28,14 @@ export class Figure {
   // colour: of a part of the body.
   constructor(colour) {
     this.group = new Group();
-    const solid = (shape, part) => {
+    const solid = (shape, kind, part) => {
       const mesh = new Mesh(shape, new MeshStandardMaterial({ color: colour(part), roughness: 0.8, transparent: true }));
+      mesh.userData.solid = kind; // for `FlatRenderer`
       this.group.add(mesh);
       return mesh;
     };
-    this.bones = BONES.map(([part]) => solid(BONE, part));
-    this.joints = Array.from({ length: JOINTS }, (_, joint) => solid(BALL, BONES.find(([, , to]) => to === joint)?.[0] ?? "torso"));
+    this.bones = BONES.map(([part]) => solid(BONE, "bone", part));
+    this.joints = Array.from({ length: JOINTS }, (_, joint) => solid(BALL, "ball", BONES.find(([, , to]) => to === joint)?.[0] ?? "torso"));
     this.joints.forEach((ball, joint) => ball.scale.setScalar(joint === HEAD ? 0.11 : 0.045));
   }
 

@@ -21,6 +21,7 @@ globalThis.document = {
   },
 };
 
+const canDraw = ["webgl2", "webgl"].some((kind) => new OffscreenCanvas(1, 1).getContext(kind));
 importScripts(`${VENDOR}pose.js`);
 const pose = new globalThis.Pose({ locateFile: (name) => VENDOR + name });
 // Its smoothing over time would delay the points; the scorer has its own.
@@ -34,6 +35,7 @@ pose.onResults(({ image, poseLandmarks, poseWorldLandmarks }) => {
 // Answers each message, in their order: {anew} forgets who was seen, {picture, at_ms} finds the points of a picture.
 async function answer({ anew, picture, at_ms }) {
   try {
+    if (!canDraw) throw new Error("this browser has no WebGL in its threads; recent versions of Chrome, Edge, Firefox and Safari have");
     await pose.initialize();
     if (anew) pose.reset();
     if (picture) await pose.send({ image: picture }, at_ms);

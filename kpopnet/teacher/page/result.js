@@ -99,6 +99,7 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
   view.add(body, "teacher", -0.7).movement = movementOf(dance);
   view.add(body, "learner", 0.7).movement = movementOf(movement);
   view.back(canvas.clientWidth < 1.3 * canvas.clientHeight ? 5.8 : 4.4);
+  seek(state.time_s);
   requestAnimationFrame(animate);
   return () => {
     state.closed = true;

@@ -101,7 +101,7 @@ class Pose {
     Object.assign(this, { waiting: [], failed: null });
     this.worker = new Worker(new URL("pose_worker.js", import.meta.url));
     this.worker.addEventListener("message", ({ data }) => {
-      if (data.error) this.fail(data.error);
+      if (data.error) this.fail(say(data.error));
       else this.waiting.shift()[0](data.found);
     });
     this.worker.addEventListener("error", ({ message }) => this.fail(message || say("the teacher's program does not answer; is it still running?")));

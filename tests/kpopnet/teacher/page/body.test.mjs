@@ -2,7 +2,8 @@
 import assert from "node:assert/strict";
 import { mock, test } from "node:test";
 
-import { Dancer, DrawingLoad, distanceOf, movementOf } from "../../../../kpopnet/teacher/page/body.js";
+import { Dancer, DrawingLoad, View, distanceOf, movementOf } from "../../../../kpopnet/teacher/page/body.js";
+import { Figure, JOINTS } from "../../../../kpopnet/teacher/page/figure.js";
 import { PerspectiveCamera, Vector3 } from "../../../../kpopnet/teacher/page/vendor/three.js";
 
 const packed = (array) => btoa(String.fromCharCode(...new Uint8Array(array.buffer)));
@@ -52,6 +53,52 @@ test("a group is seen from its left to its right, in a wide picture and on a pho
       assert.ok(distanceOf(places, aspect) >= 3.8 && (half_m < 4 || distanceOf(places, aspect) > least_m));
     }
   }
+});
+
+// A canvas of a browser without WebGL, and the lines that are drawn on it: their ends, width and colour.
+function flatCanvas() {
+  const drawings = [], pen = {
+    clearRect: () => drawings.push([]), beginPath() {}, stroke() {},
+    moveTo(...from) { this.from = from; }, lineTo(...to) { drawings.at(-1).push({ from: this.from, to, wide: this.lineWidth, ink: this.strokeStyle, opacity: this.globalAlpha }); },
+  };
+  const canvas = { clientWidth: 400, clientHeight: 300, style: {}, addEventListener() {}, removeEventListener() {}, getContext: (kind) => (kind === "2d" ? pen : null) };
+  return [Object.assign(canvas, { ownerDocument: canvas, getRootNode: () => canvas }), drawings];
+}
+
+test("without WebGL bones are lines where WebGL would draw them, the nearest last, and what stands still is drawn twice", () => {
+  globalThis.devicePixelRatio = 1;
+  mock.method(globalThis.console, "error", () => {}); // three.js tells what the browser lacks
+  const [canvas, drawings] = flatCanvas(), view = new View(canvas), near = view.add(BODY, "teacher", 0.5), far = view.add(BODY, "learner", -0.5);
+  [near.movement, far.movement, far.group.position.z] = [MOVEMENT, MOVEMENT, -1];
+  for (let k = 0; k < 4; k++) view.draw(0);
+  assert.equal(drawings.length, 2);
+  assert.deepEqual(drawings[0], drawings[1]);
+  const upright = drawings[0].filter(({ wide }) => wide > 5), seen = (x, y, z) => {
+    const place = new Vector3(x, y, z).project(view.camera);
+    return [200 * (1 + place.x), 150 * (1 - place.y)];
+  };
+  assert.deepEqual(upright.map(({ ink }) => ink), ["#56606b", "#3d4b78"]); // hips to spine, of the learner and of the teacher
+  for (const [{ from, to }, x, z] of [[upright[0], -0.5, -1], [upright[1], 0.5, 0]]) {
+    for (const [found, y] of [[from, 1], [to, 1.5]]) seen(x, y, z).forEach((expected, axis) => assert.ok(Math.abs(found[axis] - expected) < 0.01));
+  }
+  assert.ok(upright[0].wide < upright[1].wide);
+  view.mirror(true);
+  view.draw(0);
+  const mirrored = drawings[2].filter(({ wide }) => wide > 5);
+  assert.ok(Math.abs(mirrored[1].from[0] + upright[1].from[0] - 400) < 0.01);
+  view.draw(0.5);
+  assert.equal(drawings.length, 4);
+  view.close();
+});
+
+test("without WebGL a figure's bones and joints are drawn in their colours, but for missing ones", () => {
+  const [canvas, drawings] = flatCanvas(), view = new View(canvas), figure = new Figure((part) => (part === "torso" ? "#112233" : "#445566"));
+  view.stage.add(figure.group);
+  figure.place(Array.from({ length: JOINTS }, (_, joint) => (joint === 14 ? null : [joint / 20, 1, 0])), Array(JOINTS).fill(0.4));
+  view.draw(0);
+  const drawn = drawings[0].filter(({ ink }) => ink !== "#777286"), count = (ink, ball) => drawn.filter((one) => one.ink === ink && ball === (one.from[0] === one.to[0])).length;
+  assert.deepEqual([count("#112233", false), count("#112233", true), count("#445566", false), count("#445566", true)], [6, 7, 7, 7]);
+  assert.ok(drawn.every(({ opacity }) => opacity === 0.4));
 });
 
 // Draws for ten seconds on a screen of 60 images a second by a machine that takes took_ms(ratio, drawing) for a drawing: the share

@@ -8,7 +8,9 @@ Object.assign(globalThis, {
   importScripts: (src) => imported.push(src),
   postMessage: (message) => said.push(message),
   addEventListener: (_, listener) => { listen = listener; },
-  OffscreenCanvas: class {},
+  OffscreenCanvas: class {
+    getContext(kind) { return kind === "webgl" ? {} : null; }
+  },
   Pose: class {
     setOptions(options) { heard.push(options); }
 
@@ -49,6 +51,16 @@ test("messages are answered in their order, whatever one takes, and a failure in
   assert.deepEqual(closed, ["seen", "picture", "picture", "seen", "picture"]); // a browser keeps what is not closed for long
   assert.equal(heard[0].smoothLandmarks, false);
   assert.deepEqual(imported, ["vendor/mediapipe/pose.js", "wasm.js"]);
+});
+
+test("without WebGL in the thread every message is answered by what the browser lacks", async () => {
+  const before = said.length, { getContext } = OffscreenCanvas.prototype;
+  OffscreenCanvas.prototype.getContext = () => null;
+  await import("../../../../kpopnet/teacher/page/pose_worker.js?without");
+  OffscreenCanvas.prototype.getContext = getContext;
+  listen({ data: { anew: true } });
+  while (said.length === before) await new Promise((go) => { setTimeout(go, 5); });
+  assert.match(said.at(-1).error, /no WebGL in its threads/);
 });
 
 test("the program gets a canvas of this thread, and its alert is an error", () => {
