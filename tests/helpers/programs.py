@@ -17,9 +17,11 @@ from types import ModuleType
 ROOT = Path(__file__).parents[2]
 
 STARTER = """
-import gc, json, os, resource, runpy, sys
+import gc, json, numba, os, resource, runpy, sys
 import kpopnet.programs.evaluate, kpopnet.programs.train, synth.__main__, torch.utils.tensorboard
+import torch._inductor  # which torch imports when it is made deterministic
 
+numba.njit("void()")(lambda: None)  # numba imports a part of itself for the first kernel
 del sys.modules["synth.__main__"]  # which runpy runs
 gc.collect()
 gc.freeze()  # a child that looks for garbage would copy all of it
