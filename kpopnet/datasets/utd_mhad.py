@@ -164,8 +164,15 @@ def estimate_lag(depth_m: np.ndarray, skeleton_m: np.ndarray) -> int:
     usable = np.isfinite(labels).all(axis=(1, 2, 3)) & depth_m.any(axis=(1, 2))
     if not usable.any():
         return -2  # the most frequent lag in the set
+    # Trees that are quick to build: each answers 16 queries.
     distances = [
-        cKDTree(STORED_CAMERA.points(image)[image > 0]).query(candidates)[0].mean(axis=-1)
+        cKDTree(_surface(image), compact_nodes=False, balanced_tree=False).query(candidates)[0].mean(axis=-1)
         for image, candidates in zip(depth_m[usable], labels[usable], strict=True)
     ]
     return CANDIDATE_LAGS[int(np.argmin(np.mean(distances, axis=0)))]
+
+
+def _surface(depth_m: np.ndarray) -> np.ndarray:
+    """(N, 3) points in metres of the measured pixels of an image."""
+    v, u = np.nonzero(depth_m)
+    return STORED_CAMERA.back_project(np.stack([u.astype(np.float32), v.astype(np.float32), depth_m[v, u]], axis=-1))
