@@ -225,15 +225,16 @@ class PartTeacher:
 
 def _of_body(parts: np.ndarray, turning: np.ndarray) -> np.ndarray:
     """(L,) similarity of the body of (L, P) similarities of parts; `turning` (L,) is that of the pairs' frames."""
-    body = np.nansum(parts, axis=1) / or_nan(np.isfinite(parts).sum(axis=1))
-    if turning.any():
-        body = body * (1 - turning * (1 - np.nan_to_num(parts[:, PARTS.index("turning")])) / 2)
-    return body
+    known = np.isfinite(parts)
+    parts = np.where(known, parts, 0.0)  # np.nansum takes three times as long on arrays this small
+    body = parts.sum(axis=1) / or_nan(known.sum(axis=1))
+    return body * (1 - turning * (1 - parts[:, PARTS.index("turning")]) / 2) if turning.any() else body
 
 
 def _known_mean(values: np.ndarray) -> np.ndarray:
     """The mean over the first axis of what is known; NaN where nothing is."""
-    return np.nansum(values, axis=0) / or_nan(np.isfinite(values).sum(axis=0))
+    known = np.isfinite(values)
+    return np.where(known, values, 0.0).sum(axis=0) / or_nan(known.sum(axis=0))
 
 
 def _standing(features: Features) -> Features:

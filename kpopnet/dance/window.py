@@ -118,14 +118,16 @@ def window_score(
     """
     coverage = np.where(on_path.taught, on_path.seen, np.nan)
     means = _mean_over_frames(np.column_stack([pairs, coverage]), path)
-    posture, compared, others = 100 * means[0], means[1], len(PARTS) - coverage.shape[1]
+    posture, compared, compared_parts = 100 * means[0], means[1], coverage.shape[1]
     if not compared >= MIN_COMPARED_FRACTION:
         delay_s, timing, posture = math.nan, math.nan, math.nan if math.isnan(compared) else 0.0
-    of_parts, coverage = (np.append(one, np.full(others, np.nan)) for one in np.split(means[2:], 2))
+    of_parts, coverage = np.full((2, len(PARTS)), np.nan)
+    of_parts[:compared_parts], coverage[:compared_parts] = means[2:].reshape(2, -1)
     middle = abs(path[:, 0] - (WINDOW_FRAMES - 1) / 2) <= hop_frames / 2
     weights = (on_path.weights * on_path.seen[:, parts])[middle]
     total = weights.sum(axis=0)
-    error_rad = np.nansum(weights * on_path.signed[middle], axis=0) / or_nan(total)
+    errors_rad = weights * on_path.signed[middle]
+    error_rad = np.where(np.isnan(errors_rad), 0.0, errors_rad).sum(axis=0) / or_nan(total)
     weight = total / max(middle.sum(), 1)
     return WindowScore(delay_s, timing, float(posture), 100 * of_parts, coverage, error_rad, weight, expected)
 
@@ -134,7 +136,9 @@ def _mean_over_frames(values: np.ndarray, path: np.ndarray) -> np.ndarray:
     """(K,) mean over the teacher's frames of (L, K) values of the pairs of a (L, 2) path, NaN left out."""
     of_frame = path.sum(axis=1) - path[0].sum()
     known = np.isfinite(values)
-    first = np.flatnonzero(np.diff(of_frame, prepend=-1))
+    is_first = np.ones(len(path), bool)
+    np.not_equal(of_frame[1:], of_frame[:-1], out=is_first[1:])
+    first = np.flatnonzero(is_first)
     sums, counts = (np.add.reduceat(one, first, axis=0) for one in (np.where(known, values, 0.0), known.astype(float)))
     frames = (counts > 0).sum(axis=0)
     return (sums / np.maximum(counts, 1)).sum(axis=0) / or_nan(frames)
