@@ -2,6 +2,7 @@
 
 import runpy
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,13 +50,15 @@ def digests(weights):
 
 @pytest.fixture(scope="module")
 def once(tmp_path_factory):
-    """A run whose network was shipped after one with a head that judges, of which nothing must stay; each takes seconds."""
+    """A run whose network was shipped after one with a head that judges, of which nothing must stay; each takes seconds, and
+    the one that judges is holistic, which takes half as many.
+    """
     place = tmp_path_factory.mktemp("once")
     weights = place / "weights"
     weights.mkdir()
     for name in ("__init__.py", *SHA256["over_time"]):
         shutil.copy(FOLDER / name, weights)
-    judging = save(place / "judging")
+    judging = save(place / "judging", build_network(replace(MODEL, kind="holistic")))
     (judging / PERSON).write_bytes(save_weights(PersonHead(MODEL.widths[-1]).state_dict()))
     for run, judges in ((judging, True), (save(place / "run"), False)):
         ship_weights.ship(run, weights)
