@@ -83,9 +83,12 @@ def png(word: str) -> Path:
 
 
 def weight(word: str) -> tuple[str, float]:
-    """A name and a number, of name=number; raises ValueError for something else."""
+    """A name and a number, of name=number."""
     name, _, number = word.partition("=")
-    return name, float(number)
+    try:
+        return name, float(number)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{word!r} is no NAME=WEIGHT; files come before --weights") from None
 
 
 def opener(path: Path, given: argparse.Namespace, in_child: bool) -> Callable[[], DepthSource]:

@@ -54,8 +54,8 @@ class SetConfig:
         check_between("shard_size", self.shard_size, 1, MAX_SHARD_SIZE)
         if not 0 <= self.count <= MAX_SHARDS * self.shard_size:
             raise InputError(
-                f"splits.{self.split}={self.count}: expected at most {MAX_SHARDS:,} shards of "
-                f"shard_size={self.shard_size} samples"
+                f"splits.{self.split}={self.count}: expected 0 or more, and at most {MAX_SHARDS:,} shards "
+                f"of shard_size={self.shard_size} samples"
             )
         check_seed("seed", self.seed)
         if self.sample.renderer == "auto":

@@ -1,5 +1,6 @@
 """The program `kpopnet score`: two files in, a page and JSON out."""
 
+import argparse
 import base64
 import json
 import re
@@ -16,6 +17,7 @@ from kpopnet.dance.feedback import feedback
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.languages import keyed
+from kpopnet.programs.arguments import weight
 from kpopnet.skeleton import JOINT_NAMES, Joint
 
 
@@ -228,6 +230,8 @@ def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path)
     }
     for mistake, told in mistakes.items():
         assert told in run(*words, *mistake, fails=True)
+    with pytest.raises(argparse.ArgumentTypeError, match="is no NAME=WEIGHT; files come before --weights"):
+        weight("b.bvh")
 
 
 def test_a_teacher_as_the_estimator_sees_them(files, run, tmp_path):
