@@ -163,12 +163,13 @@ def test_a_recording_is_fed_at_its_own_times_also_where_the_camera_skipped_image
 
 
 class Live:
-    """A camera before which a person follows the script, 30 images a second."""
+    """A camera before which a person does what the program tells, 30 images a second."""
 
-    camera = CAMERAS["kinect_v1"]
+    camera, READY_S = CAMERAS["kinect_v1"], 0.4
+    told_to_leave = float("inf")
 
     def __init__(self, name: str, rotate_deg: int) -> None:
-        self._began = self._due = time.monotonic()
+        self._due = time.monotonic()
         self.closed = False
 
     def read(self) -> tuple[np.ndarray, float]:
@@ -176,13 +177,17 @@ class Live:
         time.sleep(max(self._due - time.monotonic(), 0))
         now = time.monotonic()
         # In view until found, then away for the time to leave and the first step of the script.
-        script_s = now - self._began - Live.READY_S - 0.7
+        script_s = now - Live.told_to_leave - Live.READY_S
         return seen(1.0 if script_s < -Live.READY_S else script_s), now
 
     def close(self) -> None:
         self.closed = True
 
-    READY_S = 0.4
+    @classmethod
+    def hear(cls, text: str, **how: bool) -> None:
+        print(text, **how)
+        if "leave the camera's view" in text:
+            cls.told_to_leave = time.monotonic()
 
 
 class Compiling(Estimator):
@@ -203,6 +208,8 @@ def test_a_person_before_a_live_camera_is_told_what_to_do(check, shorter, monkey
     monkeypatch.setattr("kpopnet.programs.check.NOBODY_PATIENCE_S", 0)  # but for what is compiled
     monkeypatch.setattr("kpopnet.programs.check.open_live", Live)
     monkeypatch.setattr("kpopnet.programs.check.READY_S", Live.READY_S)
+    monkeypatch.setattr(Live, "told_to_leave", Live.told_to_leave)
+    monkeypatch.setattr("kpopnet.programs.check.print", Live.hear, raising=False)
     printed = check("realsense")
     told = [printed.index(step.told) for step in check_script.SCRIPT]
     assert told == sorted(told) and printed.index("you are found; leave") < told[0]
