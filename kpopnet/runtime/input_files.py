@@ -211,6 +211,8 @@ def settings_from(kind: type[Settings], value: Any, where: str) -> Settings:
 
 
 def _is_of(value: Any, hint: Any) -> bool:
+    if hint in (int, float):  # first, as of a long recording nearly all are
+        return isinstance(value, int if hint is int else int | float) and not isinstance(value, bool)
     if isinstance(hint, types.UnionType):
         return any(_is_of(value, one) for one in typing.get_args(hint))
     if typing.get_origin(hint) is list:
@@ -218,8 +220,6 @@ def _is_of(value: Any, hint: Any) -> bool:
     if typing.get_origin(hint) is dict:
         _, of_values = typing.get_args(hint)  # names in JSON are words
         return isinstance(value, dict) and all(_is_of(one, of_values) for one in value.values())
-    if hint in (int, float):
-        return isinstance(value, int if hint is int else int | float) and not isinstance(value, bool)
     return isinstance(value, hint)
 
 

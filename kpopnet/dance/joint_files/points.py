@@ -8,6 +8,7 @@ frames.
 
 import re
 from collections.abc import Collection, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -184,6 +185,7 @@ def with_joint_map(recorded: NamedPoints, joint_map: Path, source: str) -> Named
     return recorded._replace(places=places | _joint_places(recorded.names, source, places))
 
 
+@lru_cache(maxsize=1024)
 def plain_name(name: str) -> str:
     """A name without case, separators and subject, its side in front: WRIST_LEFT, LeftWrist and ann:lWrist are leftwrist."""
     words = re.sub(r"[^a-z0-9]", "", name[:100].rsplit(":", maxsplit=1)[-1].lower())
