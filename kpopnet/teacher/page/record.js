@@ -104,8 +104,10 @@ export async function record(main) {
 
   function frame(content, picture) {
     learner.show(picture, { joints: content.joints, colour: "#fff" }, true);
+    if (!state.running) return; // it was on its way when the recording was stopped
     guide.textContent = say(content.guidance);
-    if (state.running && !state.start && content.joints) lead(performance.now());
+    if (!state.start && content.joints) lead(performance.now());
+    if (state.start && performance.now() - state.start > 1000 * LONGEST_S) stop("");
   }
 
   // Of each image, also of those that are not drawn; between two machines, whose clocks become known by and by, time does not go back.
@@ -113,7 +115,6 @@ export async function record(main) {
     if (!state.start) return;
     const at_ms = performance.now() - live.clock.since(taken_ms, Date.now()) - state.start - 1000 * (latencyOf(source.value) || 0);
     if (at_ms / 1000 >= (state.frames.at(-1)?.[0] ?? -STEP_S) + STEP_S) state.frames.push([at_ms / 1000, seen]);
-    if (at_ms > 1000 * LONGEST_S) stop("");
   }
 
   function lead(now) {

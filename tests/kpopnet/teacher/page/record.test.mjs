@@ -137,6 +137,14 @@ test("the joints of every image from the one on are kept with their times, drawn
   assert.deepEqual(frames[2].joints[3], [0.1, 0.2, 4.5, 0.9]);
 });
 
+test("a recording ends by itself after five minutes, also where no person is seen any more", async () => {
+  await dance(12);
+  for (const at_s of [300, 303.4]) await image(at_s, false);
+  assert.deepEqual([socket.sent.at(-2).do, part("editor").hidden, part("start").textContent], ["stop", false, "Record"]); // then it was drawn
+  await image(305);
+  assert.ok((await saved()).at(-1).time_s < 12);
+});
+
 test("a cut recording begins and ends with its excerpt, and keeps the times in between", () => {
   const frames = [0.5, 1.2, 1.3, 2.5, 3.5].map((time_s) => [time_s, [[time_s, 0, 2, 0.9]]]);
   const cut = cutOut(frames, 1, 3).frames.map(({ time_s, joints: [[x, , , sure]] }) => [time_s, x, sure]);
