@@ -129,8 +129,9 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
         try:
             server = await loop.create_server(_Limited(runner.server), given.host, given.port, backlog=BACKLOG)
         except OSError as error:
-            if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
-                raise InputError(f"--host {given.host}: no address of this machine ({error.strerror})") from error
+            # From Python 3.13 on an address that none of the machine's interfaces has is an error without a number.
+            if isinstance(error, socket.gaierror) or error.errno in (errno.EADDRNOTAVAIL, None):
+                raise InputError(f"--host {given.host}: no address of this machine ({error.strerror or error})") from error
             place = f"--port {given.port}: cannot listen on {given.host}"
             raise InputError(f"{place} ({error.strerror}); choose another port") from error
         host = "127.0.0.1" if given.host in ("0.0.0.0", "::") else f"[{given.host}]" if ":" in given.host else given.host
