@@ -3,7 +3,7 @@
 A frame of the uniform time grid is computed as soon as all samples within its smoothing kernel have arrived, `lag_s` later.
 Each new frame adds one row of distances, and the window that ends at it is scored as `score_dance` would score it. Of the two
 comparisons, with the learner and with the learner's mirror image, only the one that is shown is made frame by frame. The other
-catches up when it is asked for.
+catches up every second, and when it is asked for.
 """
 
 import math
@@ -31,6 +31,9 @@ from kpopnet.dance.scoring import (
 from kpopnet.dance.window import FPS, PARTS, WINDOW_FRAMES, WindowScore
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS
+
+MOST_BEHIND = round(FPS)
+"""Frames that wait for the comparison which is not shown: kept to the end of a dance they would take 2 MB a minute."""
 
 
 class OnlineScore(NamedTuple):
@@ -157,7 +160,7 @@ class OnlineScorer:
         is_kept = self._shown.keep_windows(self._next)
         window = self._shown.kept[-1] if is_kept else self._shown.window(self._next - WINDOW_FRAMES)
         self._latest = self._score(self._next - 1, window)
-        if len(self._shown.kept) > kept and self.scorer.mirrored == "auto":
+        if (len(self._shown.kept) > kept and self.scorer.mirrored == "auto") or self._behind >= MOST_BEHIND:
             self._catch_up()
 
     def _catch_up(self) -> None:

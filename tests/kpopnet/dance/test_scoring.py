@@ -6,7 +6,7 @@ from dance_people import FPS, dance_joints_m, followed, mirrored, noisy, perform
 
 from kpopnet.dance.features import FEATURES, Angles, Feature
 from kpopnet.dance.feedback import feedback
-from kpopnet.dance.online import OnlineScorer
+from kpopnet.dance.online import MOST_BEHIND, OnlineScorer
 from kpopnet.dance.paper import PaperScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
@@ -235,6 +235,13 @@ def test_asking_for_the_score_so_far_or_for_a_preview_changes_nothing(asked):
             looked_at.score_so_far()
             assert looked_at.preview(frame / FPS, 1.0) is not None
     np.testing.assert_equal(looked_at.finish(), online.finish())
+
+
+@pytest.mark.parametrize("mirrored", ["false", "true", "auto"])
+def test_no_frames_are_kept_for_the_end_of_the_dance(mirrored):
+    online = OnlineScorer(performed(JOINTS_M), PartScorer(mirrored=mirrored))
+    followed(online, performed(JOINTS_M))
+    assert len(online._frames) <= online._history + MOST_BEHIND
 
 
 @pytest.mark.parametrize("scorer", [OURS, SCORERS["paper"]])
