@@ -159,7 +159,7 @@ export function distanceOf(places_m, aspect) {
 function rendererOf(canvas) {
   try {
     return new WebGLRenderer({ canvas, alpha: true });
-  } catch { // which it has told in the console
+  } catch { // three.js has told in the console why
     return new FlatRenderer(canvas);
   }
 }
