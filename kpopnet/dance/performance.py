@@ -212,31 +212,32 @@ def _resampled(joints, confidence, times, at):
         stop = max(first, stop)
         while stop < len(times) and times[stop] <= at[g] + KERNEL_RADIUS_S:
             stop += 1
-        weights = 0.0
-        for i in range(first, stop):
-            weight = math.exp(-0.5 * ((times[i] - at[g]) / SMOOTHING_S) ** 2)
-            weights += weight
+        offsets, weights, total = times[first:stop] - at[g], np.empty(stop - first), 0.0
+        for i in range(stop - first):
+            weights[i] = math.exp(-0.5 * (offsets[i] / SMOOTHING_S) ** 2)
+            total += weights[i]
             for j in range(num_joints):  # element by element: numba compiles a copy of a row for a second
-                confidence_at[g, j] += weight * confidence[i, j]
+                confidence_at[g, j] += weights[i] * confidence[first + i, j]
         for j in range(num_joints):
-            if weights > 0:
-                confidence_at[g, j] /= weights
+            if total > 0:
+                confidence_at[g, j] /= total
             before, after = np.inf, np.inf
-            for i in range(first, stop):
-                if not math.isnan(joints[i, j, 0]):
-                    offset = times[i] - at[g]
+            for i, offset in enumerate(offsets):
+                if not math.isnan(joints[first + i, j, 0]):
                     if offset <= TIME_TOLERANCE_S:
                         before = min(before, abs(offset))
                     if offset >= -TIME_TOLERANCE_S:
                         after = min(after, abs(offset))
             if before + after <= MAX_GAP_S:
-                _fit_line(joints[first:stop, j], times[first:stop] - at[g], joints_at[g, j])
+                _fit_line(joints[first:stop, j], offsets, weights, joints_at[g, j])
     return joints_at, confidence_at
 
 
 @njit(cache=True)
-def _fit_line(points, offsets, value):
-    """Writes the value at offset 0 of the robust regression line into `value`: (n, 3) points at (n,) offsets in seconds."""
+def _fit_line(points, offsets, weights, value):
+    """Writes the value at offset 0 of the robust regression line into `value`: (n, 3) points at (n,) offsets in seconds, with
+    (n,) weights.
+    """
     slope = np.zeros(3)
     for robust in range(2):
         s0, s1, s2 = 0.0, 0.0, 0.0
@@ -244,7 +245,7 @@ def _fit_line(points, offsets, value):
         for i in range(len(points)):
             if math.isnan(points[i, 0]):
                 continue
-            weight = math.exp(-0.5 * (offsets[i] / SMOOTHING_S) ** 2)
+            weight = weights[i]
             if robust:
                 squared_m2 = 0.0
                 for c in range(3):
