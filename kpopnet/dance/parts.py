@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from numba import njit
 
 from kpopnet.dance.dtw import best_match, constant_delay, distances_on_path
 from kpopnet.dance.features import FEATURES, OF_EARLIER_FRAMES, Features
@@ -38,7 +39,6 @@ from kpopnet.dance.window import (
     WindowScore,
     check_settings,
     nothing_seen,
-    or_nan,
     part_of_angles,
     timing_similarity,
     window_score,
@@ -52,6 +52,7 @@ HOP_S = 0.5
 CONTEXT_S = 6.0
 """Length of the stretch, up to the window's end, from which the constant delay is estimated (docs/ledger.md, Dance score)."""
 
+_TURNING = PARTS.index("turning")
 _PARTS_OF = part_of_angles(FEATURE)
 """(D,) number in `PARTS` of each angle's part."""
 
@@ -194,17 +195,11 @@ class PartTeacher:
         """
         offset, noise = start - BAND_FRAMES, known_noise(self.scorer.noise)
         on_path = path_distances(path, learner, self.features, offset, _PARTS_OF, noise.sees_depth)
-        shifts, turning = _subframe_shifts(on_path.squared), self.turning[offset + path.sum(axis=1)]
-        parts = np.where(on_path.taught, on_path.seen * self.scorer.posture(_squared_at(on_path.squared, shifts)), np.nan)
-        # What is unseen stays a loss: the estimator's errors excuse only what is seen.
-        kept = np.where(on_path.taught, 1 - on_path.seen * (1 - kept_by_noise(noise.loss, unsure)), np.nan)
-        expected = float(_known_mean(_of_body(kept, turning)))
-        parts = parts / _known_mean(kept)
-        body = self._skill(_of_body(parts, turning))
-        shown = np.where(on_path.taught.any(axis=1), on_path.seen.any(axis=1), np.nan)
+        turning = self.turning[offset + path.sum(axis=1)]
+        body, shown, parts, shift, expected = _in_common(on_path, kept_by_noise(noise.loss, unsure), turning, self.scorer.beta)
         # The mean delay of the pairs changes smoothly with the learner's, unlike that of the middles in Eq. (13).
-        delay_s = float(BAND_FRAMES - (path[:, 1] + shifts).mean()) / FPS
-        pairs, timing = np.column_stack([body, shown, parts]), 100 * self.scorer.timing(delay_s)
+        delay_s = (BAND_FRAMES - float(path[:, 1].mean()) - shift) / FPS
+        pairs, timing = np.column_stack([self._skill(body), shown, parts]), 100 * self.scorer.timing(delay_s)
         return window_score(pairs, on_path, path, _PARTS_OF, HOP_FRAMES, delay_s, timing, expected)
 
     def _limited(self, score: WindowScore, path: np.ndarray, learner: Features, start: int, unsure: np.ndarray) -> WindowScore:
@@ -223,18 +218,60 @@ class PartTeacher:
         return np.maximum(similarity - self.standing, 0) / (1 - self.standing)
 
 
-def _of_body(parts: np.ndarray, turning: np.ndarray) -> np.ndarray:
+@njit(cache=True)
+def _in_common(on_path, kept_if_seen, turning, beta):
+    """What the L pairs of a path have in common: (L,) similarity of the body, whether anything of it is seen, (L, P) similarity
+    of the parts, the mean delay within a frame, in frames, and the body's similarity that perfect dancing keeps.
+
+    Takes the `PathDistances`, the (P,) similarity that the estimator's errors leave to each part of a perfect dancer, (L,) how
+    much of each pair's frame is turning, and the scorer's beta.
+    """
+    pairs, count = on_path.taught.shape
+    shown, shifts = np.full(pairs, np.nan), 0.0
+    parts, kept = np.full((pairs, count), np.nan), np.full((pairs, count), np.nan)
+    for pair in range(pairs):
+        before, here, after = on_path.squared[pair]
+        shift = _subframe_shift(before.sum(), here.sum(), after.sum())
+        shifts += shift
+        for part in range(count):
+            if on_path.taught[pair, part]:
+                seen, squared = on_path.seen[pair, part], _squared_at(before[part], here[part], after[part], shift)
+                parts[pair, part] = seen * math.exp(-squared / beta**2)
+                # What is unseen stays a loss: the estimator's errors excuse only what is seen.
+                kept[pair, part] = 1 - seen * (1 - kept_if_seen[part])
+                shown[pair] = 1.0 if seen > 0 or shown[pair] == 1 else 0.0
+    expected = _known_mean(_of_body(kept, turning).reshape(-1, 1))[0]
+    parts /= _known_mean(kept)
+    return _of_body(parts, turning), shown, parts, shifts / pairs, expected
+
+
+@njit(cache=True)
+def _of_body(parts, turning):
     """(L,) similarity of the body of (L, P) similarities of parts; `turning` (L,) is that of the pairs' frames."""
-    known = np.isfinite(parts)
-    parts = np.where(known, parts, 0.0)  # np.nansum takes three times as long on arrays this small
-    body = parts.sum(axis=1) / or_nan(known.sum(axis=1))
-    return body * (1 - turning * (1 - parts[:, PARTS.index("turning")]) / 2) if turning.any() else body
+    body = np.full(len(parts), np.nan)
+    for pair in range(len(parts)):
+        total, known = 0.0, 0
+        for part in range(parts.shape[1]):
+            if math.isfinite(parts[pair, part]):
+                total, known = total + parts[pair, part], known + 1
+        if known:
+            turned = parts[pair, _TURNING] if math.isfinite(parts[pair, _TURNING]) else 0.0
+            body[pair] = total / known * (1 - turning[pair] * (1 - turned) / 2)
+    return body
 
 
-def _known_mean(values: np.ndarray) -> np.ndarray:
-    """The mean over the first axis of what is known; NaN where nothing is."""
-    known = np.isfinite(values)
-    return np.where(known, values, 0.0).sum(axis=0) / or_nan(known.sum(axis=0))
+@njit(cache=True)
+def _known_mean(values):
+    """(P,) mean over the L pairs of what is known of (L, P) values; NaN where nothing is."""
+    means = np.full(values.shape[1], np.nan)
+    for part in range(values.shape[1]):
+        total, known = 0.0, 0
+        for pair in range(len(values)):
+            if math.isfinite(values[pair, part]):
+                total, known = total + values[pair, part], known + 1
+        if known:
+            means[part] = total / known
+    return means
 
 
 def _standing(features: Features) -> Features:
@@ -247,15 +284,16 @@ def _standing(features: Features) -> Features:
     return Features(angles[None], mean_weight[None], np.ones((1, len(names))), np.full((1, NUM_JOINTS, 3), np.nan))
 
 
-def _subframe_shifts(squared: np.ndarray) -> np.ndarray:
-    """(L,) how many frames, -0.5 to 0.5, each pair fits best after the matched frame: the minimum of a parabola."""
-    before, here, after = squared.sum(axis=2).T
+@njit(cache=True)
+def _subframe_shift(before, here, after):
+    """How many frames, -0.5 to 0.5, a pair fits best after the matched frame: the minimum of a parabola through its squared
+    distances at -1, 0 and 1 frame.
+    """
     curvature = before + after - 2 * here
-    return np.where(curvature > 1e-12, np.clip((before - after) / (2 * np.maximum(curvature, 1e-12)), -0.5, 0.5), 0.0)
+    return min(max((before - after) / (2 * curvature), -0.5), 0.5) if curvature > 1e-12 else 0.0
 
 
-def _squared_at(squared: np.ndarray, shifts: np.ndarray) -> np.ndarray:
-    """(L, P) values at (L,) shifts of the parabolas through (L, 3, P) squared distances at -1, 0 and 1 frame."""
-    before, here, after = squared[:, 0], squared[:, 1], squared[:, 2]
-    shift = shifts[:, None]
-    return np.maximum(here + shift / 2 * (after - before) + shift**2 / 2 * (before + after - 2 * here), 0)
+@njit(cache=True)
+def _squared_at(before, here, after, shift):
+    """The value at a shift of the parabola through squared distances at -1, 0 and 1 frame."""
+    return max(here + shift / 2 * (after - before) + shift**2 / 2 * (before + after - 2 * here), 0.0)

@@ -5,6 +5,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from kpopnet.dance.dtw import PathDistances
 from kpopnet.dance.features import FEATURES, Features
@@ -123,25 +124,44 @@ def window_score(
         delay_s, timing, posture = math.nan, math.nan, math.nan if math.isnan(compared) else 0.0
     of_parts, coverage = np.full((2, len(PARTS)), np.nan)
     of_parts[:compared_parts], coverage[:compared_parts] = means[2:].reshape(2, -1)
-    middle = abs(path[:, 0] - (WINDOW_FRAMES - 1) / 2) <= hop_frames / 2
-    weights = (on_path.weights * on_path.seen[:, parts])[middle]
-    total = weights.sum(axis=0)
-    errors_rad = weights * on_path.signed[middle]
-    error_rad = np.where(np.isnan(errors_rad), 0.0, errors_rad).sum(axis=0) / or_nan(total)
-    weight = total / max(middle.sum(), 1)
-    return WindowScore(delay_s, timing, float(posture), 100 * of_parts, coverage, error_rad, weight, expected)
+    errors = _mean_errors(on_path, path, parts, hop_frames / 2)
+    return WindowScore(delay_s, timing, float(posture), 100 * of_parts, coverage, *errors, expected)
 
 
-def _mean_over_frames(values: np.ndarray, path: np.ndarray) -> np.ndarray:
+@njit(cache=True)
+def _mean_over_frames(values, path):
     """(K,) mean over the teacher's frames of (L, K) values of the pairs of a (L, 2) path, NaN left out."""
-    of_frame = path.sum(axis=1) - path[0].sum()
-    known = np.isfinite(values)
-    is_first = np.ones(len(path), bool)
-    np.not_equal(of_frame[1:], of_frame[:-1], out=is_first[1:])
-    first = np.flatnonzero(is_first)
-    sums, counts = (np.add.reduceat(one, first, axis=0) for one in (np.where(known, values, 0.0), known.astype(float)))
-    frames = (counts > 0).sum(axis=0)
-    return (sums / np.maximum(counts, 1)).sum(axis=0) / or_nan(frames)
+    pairs, means = len(path), np.empty(values.shape[1])
+    for k in range(values.shape[1]):
+        total, frames, of_frame, known = 0.0, 0, 0.0, 0
+        for pair in range(pairs):
+            if math.isfinite(values[pair, k]):
+                of_frame, known = of_frame + values[pair, k], known + 1
+            is_last = pair + 1 == pairs or path[pair + 1, 0] + path[pair + 1, 1] != path[pair, 0] + path[pair, 1]
+            if is_last and known:
+                total, frames = total + of_frame / known, frames + 1
+                of_frame, known = 0.0, 0
+        means[k] = total / frames if frames else np.nan
+    return means
+
+
+@njit(cache=True)
+def _mean_errors(on_path, path, parts, within):
+    """(D,) mean signed differences, weighted, and their (D,) mean weights, of pairs at most `within` frames from the middle."""
+    errors_rad, weights, middle = np.zeros(len(parts)), np.zeros(len(parts)), 0
+    for pair in range(len(path)):
+        if abs(path[pair, 0] - (WINDOW_FRAMES - 1) / 2) > within:
+            continue
+        middle += 1
+        for angle in range(len(parts)):
+            weight = on_path.weights[pair, angle] * on_path.seen[pair, parts[angle]]
+            weights[angle] += weight
+            if weight > 0:  # then the difference is known
+                errors_rad[angle] += weight * on_path.signed[pair, angle]
+    for angle in range(len(parts)):
+        errors_rad[angle] = errors_rad[angle] / weights[angle] if weights[angle] > 0 else np.nan
+        weights[angle] /= max(middle, 1)
+    return errors_rad, weights
 
 
 def or_nan(counts: np.ndarray) -> np.ndarray:
