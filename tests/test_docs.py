@@ -2,9 +2,12 @@
 
 import ast
 import importlib
+import os
 import re
 import shlex
+import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -155,13 +158,22 @@ def test_links_and_figures_are_there() -> None:
                 assert (folder / target).exists(), f"{page}: {target}"
 
 
-def test_the_worked_changes_apply_to_this_tree_and_touch_few_files() -> None:
+def test_the_worked_changes_apply_to_this_tree_touch_few_files_and_pass_their_tests(tmp_path: Path) -> None:
     changes = [change for page, change in fenced("diff") if page == "CONTRIBUTING.md"]
     assert len(changes) == 4
+    for folder in ("configs", "kpopnet", "synth", "tests"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
     for change in changes:
         assert 1 <= len(re.findall(r"^\+\+\+ ", change, re.MULTILINE)) <= 3
-        done = subprocess.run(["git", "apply", "--check"], cwd=ROOT, input=change, text=True, capture_output=True)
+        done = subprocess.run(["git", "apply"], cwd=tmp_path, input=change, text=True, capture_output=True)
         assert done.returncode == 0, done.stderr
+    tests = re.findall(r"^\+\+\+ b/(tests/.*)", "\n".join(changes), re.MULTILINE)
+    assert len(tests) == 3
+    run = [sys.executable, "-m", "pytest", "-n0", "-q", "-p", "no:cacheprovider", *tests]
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(run, cwd=tmp_path, env=environment, text=True, capture_output=True)
+    assert done.returncode == 0, done.stdout
 
 
 def test_the_readme_and_the_architecture_are_short() -> None:

@@ -33,11 +33,14 @@ The 22-D feature (with or without the turn) does not depend on the camera's pose
 position and size, but its yaw, pitch and roll depend on the camera's heading: both dancers have to face their camera.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
+from kpopnet.dance.vectors import at, cross, dot, inside, norm, plus, times, unit
 from kpopnet.skeleton import Joint
 
 TURN_WINDOW_S = 0.5
@@ -60,6 +63,7 @@ LIMB_ANGLES = tuple(f"{joint}_{angle}" for joint in _FIRST_DEGREE + _SECOND_DEGR
 PROXIMAL = np.array([Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP])
 MIDDLE = np.array([Joint[name.upper()] for name in _FIRST_DEGREE])
 DISTAL = np.array([Joint[name.upper()] for name in _SECOND_DEGREE])
+TORSO = np.int64(Joint.TORSO)  # of a plain number numba would make a type of its own
 _TORSO = np.array([Joint.NECK, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP])
 
 _TRANSPORT_REFERENCE = np.array([[0.3, -1, 1], [0.3, 1, 1], [1, 0, 1], [1, 0, 1]], float)
@@ -138,96 +142,112 @@ def _angles_confidence(angles_rad: np.ndarray, confidence: np.ndarray, names: tu
 
 def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Angles:
     """The paper's 22-D feature of (T, 15, 3) joints; with a 23rd angle, the turn of the body within `turn_frames`, if given."""
-    upper, lower = _torso_frames(joints_m)
-    between = upper @ lower.swapaxes(1, 2)  # (T, 3, 3), upper axis by lower axis
-    tilt = np.arcsin(np.clip(np.stack([between[:, 1, 2], between[:, 1, 0], between[:, 2, 0]], axis=1), -1, 1))
-    change = np.full_like(tilt, np.nan)
-    change[1:] = tilt[1:] - tilt[:-1]
-    torso = Angles(np.concatenate([tilt, change], axis=1), np.ones((len(tilt), 6)))
-
-    parent, child = _limbs_in(np.stack([upper, upper, lower, lower], axis=1), joints_m)
-    parts = [torso, _inclination_and_azimuth(parent), _child_angles(parent, child)]
-    if turn_frames is not None:
-        parts.append(_heading_change(lower, turn_frames))
-    return _concatenate(parts)
+    angles = Angles(*_dance22(np.ascontiguousarray(joints_m), turn_frames or 1))
+    return angles if turn_frames else Angles(*(np.ascontiguousarray(array[:, :-1]) for array in angles))
 
 
-def limb_directions(joints_m: np.ndarray) -> np.ndarray:
+@njit(cache=True)
+def _dance22(joints_m, turn_frames):
+    """(T, 23) angles and weights, see `dance22_features`."""
+    angles_rad, weights = np.full((len(joints_m), 23), np.nan), np.ones((len(joints_m), 23))
+    for frame in range(len(joints_m)):
+        upper, lower = torso_frame(joints_m[frame], 0), torso_frame(joints_m[frame], 2)
+        # The first degree of the torso: how far axes that are perpendicular in a straight posture are from it.
+        for angle, cosine in enumerate((dot(upper[1], lower[2]), dot(upper[1], lower[0]), dot(upper[2], lower[0]))):
+            angles_rad[frame, angle] = math.asin(max(min(cosine, 1.0), -1.0))
+            if frame > 0:
+                angles_rad[frame, 3 + angle] = angles_rad[frame, angle] - angles_rad[frame - 1, angle]
+        for limb in range(4):
+            parent, child = limb_in(upper if limb < 2 else lower, joints_m[frame], limb)
+            child, least_weight = _about(at(_TRANSPORT_REFERENCE, limb), parent, child)
+            _write_direction(parent, 1.0, angles_rad[frame], weights[frame], 6 + 2 * limb)
+            _write_direction(child, least_weight, angles_rad[frame], weights[frame], 14 + 2 * limb)
+        if frame >= turn_frames:
+            before = torso_frame(joints_m[frame - turn_frames], 2)
+            angles_rad[frame, 22] = math.atan2(dot(lower[1], before[2]), dot(lower[1], before[1]))
+    return angles_rad, weights
+
+
+@njit(cache=True)
+def limb_directions(joints_m):
     """(T, 4, 6) unit directions of upper and lower limb in the torso's frames: right arm, left arm, right leg, left leg."""
-    upper, lower = _torso_frames(joints_m)
-    return np.concatenate(_limbs_in(np.stack([upper, upper, lower, lower], axis=1), joints_m), axis=2)
-
-
-def _torso_frames(joints_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T, 3, 3) frames of the planes through the torso's centre and the shoulders, and through it and the hips."""
-    torso_m = joints_m[:, Joint.TORSO]
-    right_shoulder_m, left_shoulder_m = joints_m[:, Joint.RIGHT_SHOULDER], joints_m[:, Joint.LEFT_SHOULDER]
-    right_hip_m, left_hip_m = joints_m[:, Joint.RIGHT_HIP], joints_m[:, Joint.LEFT_HIP]
-    upper = _plane_frame(torso_m - (right_shoulder_m + left_shoulder_m) / 2, left_shoulder_m - right_shoulder_m)
-    return upper, _plane_frame((right_hip_m + left_hip_m) / 2 - torso_m, left_hip_m - right_hip_m)
+    directions = np.empty((len(joints_m), 4, 6))
+    for frame in range(len(joints_m)):
+        for limb in range(4):
+            parent, child = limb_in(torso_frame(joints_m[frame], limb), joints_m[frame], limb)
+            for axis in range(3):
+                directions[frame, limb, axis], directions[frame, limb, 3 + axis] = parent[axis], child[axis]
+    return directions
 
 
 def raptis_features(joints_m: np.ndarray) -> Angles:
     """The 19-D feature of [17] from (T, 15, 3) joints in the camera frame."""
-    frame = _principal_frame(joints_m)
-    u, r, t = frame[:, 0], frame[:, 1], frame[:, 2]
-    angles = np.stack([np.arctan2(t[:, 0], -t[:, 2]), np.arcsin(np.clip(t[:, 1], -1, 1)), np.arctan2(r[:, 1], u[:, 1])], axis=1)
-    pitch_cosine = np.sqrt(np.clip(1 - t[:, 1] ** 2, 0, 1))
-    torso = Angles(angles, np.stack([pitch_cosine, np.ones(len(pitch_cosine)), pitch_cosine], axis=1))
-
-    parent, child = _limbs_in(np.repeat(frame[:, None], 4, axis=1), joints_m)
-    # r projected perpendicular to the upper limb; the cross product completes the frame.
-    along = parent[..., 1:2]
-    r_projected = np.array([0.0, 1.0, 0.0]) - along * parent
-    length = np.linalg.norm(r_projected, axis=-1, keepdims=True)
-    r_projected = r_projected / np.maximum(length, 1e-9)
-    child = np.stack([(child * axis).sum(axis=-1) for axis in (parent, r_projected, _cross(parent, r_projected))], axis=-1)
-    second = _inclination_and_azimuth(child, azimuth_weight=length[..., 0])
-    return _concatenate([torso, _inclination_and_azimuth(parent), second])
+    return Angles(*_raptis(np.ascontiguousarray(joints_m), _principal_frame(joints_m)))
 
 
-def _limbs_in(frames: np.ndarray, joints_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(T, 4, 3) unit directions of the four upper limbs, and of the four lower ones, in (T, 4, 3, 3) frames of rows u, r, t."""
-    middle_m = joints_m[:, MIDDLE]
-    parent, child = _unit(middle_m - joints_m[:, PROXIMAL]), _unit(joints_m[:, DISTAL] - middle_m)
-    return (frames @ parent[..., None])[..., 0], (frames @ child[..., None])[..., 0]
+@njit(cache=True)
+def _raptis(joints_m, frames):
+    """(T, 19) angles and weights, see `raptis_features`, of joints and the (T, 3, 3) frames of the torso."""
+    angles_rad, weights = np.full((len(joints_m), 19), np.nan), np.ones((len(joints_m), 19))
+    for frame in range(len(joints_m)):
+        u, r, t = at(frames[frame], 0), at(frames[frame], 1), at(frames[frame], 2)
+        angles_rad[frame, 0] = math.atan2(t[0], -t[2])
+        angles_rad[frame, 1] = math.asin(max(min(t[1], 1.0), -1.0))
+        angles_rad[frame, 2] = math.atan2(r[1], u[1])
+        weights[frame, 0] = weights[frame, 2] = math.sqrt(max(min(1 - t[1] ** 2, 1.0), 0.0))
+        for limb in range(4):
+            parent, child = limb_in((u, r, t), joints_m[frame], limb)
+            # r projected perpendicular to the upper limb; the cross product completes the frame.
+            r_projected = plus((0.0, 1.0, 0.0), parent, -parent[1])
+            length = norm(r_projected)
+            r_projected = times(r_projected, 1 / max(length, 1e-9))
+            child = dot(child, parent), dot(child, r_projected), dot(child, cross(parent, r_projected))
+            _write_direction(parent, 1.0, angles_rad[frame], weights[frame], 3 + 2 * limb)
+            _write_direction(child, length, angles_rad[frame], weights[frame], 11 + 2 * limb)
+    return angles_rad, weights
 
 
-def _inclination_and_azimuth(directions: np.ndarray, azimuth_weight: np.ndarray | float = 1.0) -> Angles:
-    """(T, 8) angles, limb by limb, of (T, 4, 3) unit directions; the first coordinate is along the reference axis."""
-    sine = np.hypot(directions[..., 1], directions[..., 2])
-    angles = np.stack([np.arctan2(sine, directions[..., 0]), np.arctan2(directions[..., 2], directions[..., 1])], axis=-1)
-    weights = np.stack([np.ones_like(sine), sine * azimuth_weight], axis=-1)
-    return Angles(angles.reshape(len(angles), 8), weights.reshape(len(angles), 8))
+@njit(cache=True)
+def torso_frame(joints_m, limb):
+    """The axes u, r, t of the plane through the torso's centre and the shoulders, for an arm, or the hips, for a leg; NaN where
+    there is none.
+    """
+    torso_m, first = at(joints_m, TORSO), limb // 2 * 2
+    right_m, left_m = at(joints_m, PROXIMAL[first]), at(joints_m, PROXIMAL[first + 1])
+    down = plus(torso_m, plus(right_m, left_m, 1.0), -0.5)
+    r = unit(plus(left_m, right_m, -1.0), MIN_BONE_M)
+    t = unit(cross(down, r) if limb < 2 else cross(r, down), MIN_BONE_M)
+    return cross(r, t), r, t
 
 
-def _child_angles(parent: np.ndarray, child: np.ndarray) -> Angles:
-    """Second degree of the 22-D feature: angles of lower limbs about upper limbs, (T, 4, 3) directions in the torso frame."""
-    start = _TRANSPORT_REFERENCE  # (4, 3)
-    cosine = (start * parent).sum(axis=-1, keepdims=True)
+@njit(cache=True)
+def limb_in(frame, joints_m, limb):
+    """The unit directions of an upper and a lower limb in a frame of axes u, r, t; NaN where the bone is too short."""
+    proximal_m, middle_m, distal_m = at(joints_m, PROXIMAL[limb]), at(joints_m, MIDDLE[limb]), at(joints_m, DISTAL[limb])
+    parent, child = unit(plus(middle_m, proximal_m, -1.0), MIN_BONE_M), unit(plus(distal_m, middle_m, -1.0), MIN_BONE_M)
+    return inside(frame, parent), inside(frame, child)
+
+
+@njit(cache=True)
+def _about(start, parent, child):
+    """A lower limb's direction in the frame that goes along with the upper limb from the direction `start`, and how well its
+    azimuth is determined, 0..1: not at all where the upper limb points the opposite way.
+    """
+    cosine, both = dot(start, parent), plus(start, parent, 1.0)
     # `back` is the child's direction after the smallest rotation that maps the parent's direction to `start`.
-    both = start + parent
-    back = child - both * ((both * child).sum(axis=-1, keepdims=True) / np.maximum(1 + cosine, 1e-9))
-    back = back + 2 * start * (parent * child).sum(axis=-1, keepdims=True)
-    r = np.array([0.0, 1.0, 0.0]) - start[:, 1:2] * start
-    r /= np.linalg.norm(r, axis=-1, keepdims=True)
-    local = np.stack([(back * axis).sum(axis=-1) for axis in (start, r, _cross(start, r))], axis=-1)
-    return _inclination_and_azimuth(local, azimuth_weight=np.clip(1 + cosine[..., 0], 0, 1))
+    back = plus(child, both, -dot(both, child) / max(1 + cosine, 1e-9))
+    back = plus(back, start, 2 * dot(parent, child))
+    r = plus((0.0, 1.0, 0.0), start, -start[1])
+    r = times(r, 1 / norm(r))
+    return (dot(back, start), dot(back, r), dot(back, cross(start, r))), max(min(1 + cosine, 1.0), 0.0)
 
 
-def _heading_change(frame: np.ndarray, frames: int) -> Angles:
-    """(T, 1) rotation of a (T, 3, 3) torso frame about its u axis within the last `frames` frames."""
-    angle = np.full((len(frame), 1), np.nan)
-    r, before = frame[frames:, 1], frame[: max(len(frame) - frames, 0)]
-    angle[frames:, 0] = np.arctan2((r * before[:, 2]).sum(axis=-1), (r * before[:, 1]).sum(axis=-1))
-    return Angles(angle, np.ones_like(angle))
-
-
-def _plane_frame(down: np.ndarray, leftwards: np.ndarray) -> np.ndarray:
-    """(T, 3, 3) rows u, r, t of the plane spanned by two (T, 3) directions; NaN where they are parallel."""
-    r = _unit(leftwards)
-    t = _unit(_cross(down, r))
-    return np.stack([_cross(r, t), r, t], axis=1)
+@njit(cache=True)
+def _write_direction(direction, azimuth_weight, angles_rad, weights, angle):
+    """Writes inclination and azimuth of a unit direction, whose first coordinate is along the reference axis, and weights."""
+    sine = math.hypot(direction[1], direction[2])
+    angles_rad[angle], angles_rad[angle + 1] = math.atan2(sine, direction[0]), math.atan2(direction[2], direction[1])
+    weights[angle + 1] = sine * azimuth_weight
 
 
 def _principal_frame(joints_m: np.ndarray) -> np.ndarray:
@@ -241,27 +261,12 @@ def _principal_frame(joints_m: np.ndarray) -> np.ndarray:
     down = (joints_m[:, Joint.RIGHT_HIP] + joints_m[:, Joint.LEFT_HIP]) / 2 - joints_m[:, Joint.NECK]
     leftwards = joints_m[:, Joint.LEFT_SHOULDER] - joints_m[:, Joint.RIGHT_SHOULDER]
     # A torso whose joints lie on a line or in a point has no frame.
-    degenerate = np.linalg.norm(_cross(down, leftwards), axis=1) < MIN_BONE_M**2
+    degenerate = np.linalg.norm(np.cross(down, leftwards), axis=1) < MIN_BONE_M**2
     u = np.where((u * down).sum(axis=1, keepdims=True) < 0, -u, u)
     r = np.where((r * leftwards).sum(axis=1, keepdims=True) < 0, -r, r)
-    frame = np.stack([u, r, _cross(u, r)], axis=1)
+    frame = np.stack([u, r, np.cross(u, r)], axis=1)
     frame[degenerate] = np.nan
     return frame
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    """(..., 3) vectors normalised to length 1; NaN where they are shorter than MIN_BONE_M."""
-    length = np.sqrt((vectors * vectors).sum(axis=-1, keepdims=True))
-    return vectors / np.where(length < MIN_BONE_M, np.nan, length)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The cross product of (..., 3) vectors, without the checks that make numpy's slow for single frames."""
-    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
-
-
-def _concatenate(parts: list[Angles]) -> Angles:
-    return Angles(*(np.concatenate(arrays, axis=1) for arrays in zip(*parts, strict=True)))
 
 
 FEATURES = {

@@ -17,17 +17,15 @@ import numpy as np
 from numba import njit
 
 from kpopnet.dance.dtw import PathDistances, distances_on_path
-from kpopnet.dance.features import DISTAL, MIDDLE, MIN_BONE_M, PROXIMAL, Features
+from kpopnet.dance.features import TORSO, Features, limb_in, torso_frame
 from kpopnet.dance.noise.steady import AZIMUTH, INCLINATION, PART_OF_SEGMENT, segment_vectors
-from kpopnet.skeleton import Joint
+from kpopnet.dance.vectors import at, cross, dot, inside, norm, plus, times, unit
 
 POINTS_AT_CAMERA = 0.03
 """Squared sine of the angle to the line of sight below which a limb points at the camera (10 degrees): then no direction across
 the limb is better known than another."""
 
 LEAST_SINE = 1e-9
-TORSO = np.int64(Joint.TORSO)  # of a plain number numba would make a type of its own
-
 CENTRED_M = 0.5
 """Of a person this near the origin the joints are centred, in the axes of the camera, and the line of sight is its z axis."""
 
@@ -99,93 +97,38 @@ def seen_differences(learner_m, learner_rows, teacher_m, teacher_rows):
     for pair in range(pairs):
         danced, taught = learner_m[learner_rows[pair]], teacher_m[teacher_rows[pair]]
         for limb in range(4):
-            danced_frame, taught_frame = _torso_frame(danced, limb), _torso_frame(taught, limb)
-            ray = _in(danced_frame, _sight(danced))
+            frame = torso_frame(danced, limb)
+            danced_limb, taught_limb = limb_in(frame, danced, limb), limb_in(torso_frame(taught, limb), taught, limb)
+            ray = inside(frame, _sight(danced))
             axis, turn = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
             for lower in range(2):
-                middle, whole = _halfway(
-                    _in(danced_frame, _direction(danced, limb, lower)), _in(taught_frame, _direction(taught, limb, lower))
-                )
-                along = _plus(ray, middle, -_dot(ray, middle))
-                squared = _dot(along, along)
-                whole = _plus(whole, _cross(turn, middle), -1.0)
-                seen = _plus(whole, along, -_dot(along, whole) / (squared + POINTS_AT_CAMERA))
+                middle, whole = _halfway(danced_limb[lower], taught_limb[lower])
+                along = plus(ray, middle, -dot(ray, middle))
+                squared = dot(along, along)
+                whole = plus(whole, cross(turn, middle), -1.0)
+                seen = plus(whole, along, -dot(along, whole) / (squared + POINTS_AT_CAMERA))
                 for row in range(3):
                     difference[pair, lower, limb, row] = seen[row]
                 factor[pair, lower, limb] = math.sqrt(2 / (2 - squared / (squared + POINTS_AT_CAMERA)))
-                around = _cross(axis, middle)
-                sine = max(math.sqrt(_dot(around, around)), LEAST_SINE)
-                angles_rad[pair, lower, limb, 0] = _dot(_cross(around, middle), seen) / sine
-                angles_rad[pair, lower, limb, 1] = max(min(_dot(around, seen) / sine**2, math.pi), -math.pi)
-                axis, turn = middle, _cross(middle, seen)  # of the lower limb
+                around = cross(axis, middle)
+                sine = max(norm(around), LEAST_SINE)
+                angles_rad[pair, lower, limb, 0] = dot(cross(around, middle), seen) / sine
+                angles_rad[pair, lower, limb, 1] = max(min(dot(around, seen) / sine**2, math.pi), -math.pi)
+                axis, turn = middle, cross(middle, seen)  # of the lower limb
     return SeenDifferences(difference, factor, angles_rad)
-
-
-@njit(cache=True)
-def _torso_frame(joints_m, limb):
-    """The axes u, r, t of the torso's plane of a limb, as of `kpopnet.dance.features`."""
-    torso_m, first = _at(joints_m, TORSO), limb // 2 * 2
-    right_m, left_m = _at(joints_m, PROXIMAL[first]), _at(joints_m, PROXIMAL[first + 1])
-    down = _plus(torso_m, _plus(right_m, left_m, 1.0), -0.5)
-    r = _unit(_plus(left_m, right_m, -1.0))
-    t = _unit(_cross(down, r) if limb < 2 else _cross(r, down))
-    return _cross(r, t), r, t
-
-
-@njit(cache=True)
-def _direction(joints_m, limb, lower):
-    """The unit direction of an upper or lower limb; NaN where the bone is too short to have one."""
-    begin, end = (MIDDLE[limb], DISTAL[limb]) if lower else (PROXIMAL[limb], MIDDLE[limb])
-    return _unit(_plus(_at(joints_m, end), _at(joints_m, begin), -1.0))
 
 
 @njit(cache=True)
 def _sight(joints_m):
     """The unit direction from the camera to the torso."""
-    torso_m = _at(joints_m, TORSO)
-    return (0.0, 0.0, 1.0) if _dot(torso_m, torso_m) < CENTRED_M**2 else _unit(torso_m)
+    torso_m = at(joints_m, TORSO)
+    return (0.0, 0.0, 1.0) if dot(torso_m, torso_m) < CENTRED_M**2 else unit(torso_m, CENTRED_M)
 
 
 @njit(cache=True)
 def _halfway(danced, taught):
     """The unit direction halfway between two, 0 where they are opposite, and their difference across it, radians."""
-    both, chord = _plus(danced, taught, 1.0), _plus(danced, taught, -1.0)
-    half = math.sqrt(_dot(chord, chord)) / 2
+    both, chord = plus(danced, taught, 1.0), plus(danced, taught, -1.0)
+    half = norm(chord) / 2
     angle = math.asin(min(half, 1.0)) / max(half, LEAST_SINE)
-    return _times(both, 1 / max(math.sqrt(_dot(both, both)), LEAST_SINE)), _times(chord, angle)
-
-
-@njit(cache=True)
-def _unit(a):
-    length = math.sqrt(_dot(a, a))
-    return _times(a, 1 / length if length >= MIN_BONE_M else np.nan)
-
-
-@njit(cache=True)
-def _in(frame, a):
-    return _dot(frame[0], a), _dot(frame[1], a), _dot(frame[2], a)
-
-
-@njit(cache=True)
-def _at(joints_m, joint):
-    return joints_m[joint, 0], joints_m[joint, 1], joints_m[joint, 2]
-
-
-@njit(cache=True)
-def _plus(a, b, factor):
-    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
-
-
-@njit(cache=True)
-def _times(a, factor):
-    return a[0] * factor, a[1] * factor, a[2] * factor
-
-
-@njit(cache=True)
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(cache=True)
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return times(both, 1 / max(norm(both), LEAST_SINE)), times(chord, angle)

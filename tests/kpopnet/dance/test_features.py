@@ -6,6 +6,7 @@ from dance_learners import UPPER, turned_about
 from dance_people import dance_joints_m, noisy, turned
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.features import FEATURES, dance_features
 from kpopnet.skeleton import Joint
@@ -13,6 +14,7 @@ from kpopnet.skeleton import Joint
 JOINTS_M = dance_joints_m(0)[::7]
 FPS = 30.0
 FEATURED = "dance22", "dance22_turn", "raptis"
+LIMBS = ("SHOULDER", "ELBOW", "HAND"), ("HIP", "KNEE", "FOOT")
 
 
 def standing() -> np.ndarray:
@@ -105,3 +107,31 @@ def test_small_noise_makes_small_differences():
         a, b = dance_features(JOINTS_M, feature, FPS), dance_features(noisy(JOINTS_M, 0.002), feature, FPS)
         difference = np.abs(np.angle(np.exp(1j * (a.angles_rad - b.angles_rad)))) * np.minimum(a.weights, b.weights)
         assert np.nanmax(difference) < 0.15
+
+
+def test_limbs_have_the_angles_that_rotations_give_one_by_one():
+    """Lower limbs are turned back by the smallest rotation that brings the upper limb to a direction that all limbs reach."""
+    starts = {"ELBOW": ([0.3, -1, 1], [0.3, 1, 1]), "KNEE": ([1, 0, 1], [1, 0, 1])}
+    found = dance_features(JOINTS_M, "dance22", FPS)
+    angles = {name: (found.angles_rad[:, k], found.weights[:, k]) for k, name in enumerate(FEATURES["dance22"].names)}
+    for frame, pose_m in enumerate(JOINTS_M):
+        at = {joint.name: pose_m[joint] for joint in Joint}
+        for begin, middle, end in LIMBS:
+            r = at[f"LEFT_{begin}"] - at[f"RIGHT_{begin}"]
+            down = (at["TORSO"] - (at[f"LEFT_{begin}"] + at[f"RIGHT_{begin}"]) / 2) * (1 if begin == "SHOULDER" else -1)
+            t = np.cross(down, r)
+            axes = np.array([one / np.linalg.norm(one) for one in (np.cross(r, t), r, t)])
+            for side, start in zip(("RIGHT", "LEFT"), starts[middle], strict=True):
+                start = np.array(start) / np.linalg.norm(start)
+                joints_m = [at[f"{side}_{name}"] for name in (begin, middle, end)]
+                parent, child = (axes @ (one / np.linalg.norm(one)) for one in np.diff(joints_m, axis=0))
+                axis, angle = np.cross(parent, start), np.arccos(parent @ start)
+                back = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).apply(child)
+                r_across = np.array([0, 1, 0]) - start[1] * start
+                r_across /= np.linalg.norm(r_across)
+                local = np.array([start, r_across, np.cross(start, r_across)]) @ back
+                for joint, (x, y, z) in ((middle, parent), (end, local)):
+                    name = f"{side}_{joint}".lower()
+                    assert angles[f"{name}_inclination"][0][frame] == pytest.approx(np.arccos(x), abs=1e-6)
+                    azimuth, weight = (array[frame] for array in angles[f"{name}_azimuth"])
+                    assert weight * np.exp(1j * azimuth) == pytest.approx(weight * np.exp(1j * np.arctan2(z, y)), abs=1e-6)
