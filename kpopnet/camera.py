@@ -155,7 +155,7 @@ def depth_in_metres(
     Unsigned integers are millimetres, the largest of 16 bits not measured; floating point is metres, negative and non-finite
     values not measured. With a camera the depth must have its image size. Raises InputError, for `where`, the depth's name (a
     file, a frame): wrong type, number of dimensions or size; no camera; or numbers that look like those of the other unit,
-    unless that is known, as from a camera, before which a hand may be held.
+    unless that is known, as from images before it or from a camera, before which a hand may be held.
     """
     if camera is not None:
         check_camera(camera)
@@ -228,9 +228,14 @@ def subsampled(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]
     return fewer_m, Camera(camera.fx / apart, camera.fy / apart, *middle, fewer_m.shape[-1], fewer_m.shape[-2])
 
 
-def image_in_metres(depth: np.ndarray, camera: Camera) -> np.ndarray:
+def tells_unit(depth_m: np.ndarray) -> bool:
+    """Whether an image that `depth_in_metres` has converted measured enough to tell the unit of those that follow."""
+    return np.count_nonzero(depth_m) > FEW_PIXELS
+
+
+def image_in_metres(depth: np.ndarray, camera: Camera, unit_known: bool = False) -> np.ndarray:
     """`depth_in_metres` of one (H, W) image; raises InputError for a sequence, too."""
-    depth_m = depth_in_metres(depth, camera)
+    depth_m = depth_in_metres(depth, camera, unit_known=unit_known)
     if depth_m.ndim != 2:
         raise InputError(f"depth image: expected shape (H, W), got {depth_m.shape}; pass one image per call")
     return depth_m

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kpopnet.camera import Camera, check_camera, image_in_metres, subsampled
+from kpopnet.camera import Camera, check_camera, image_in_metres, subsampled, tells_unit
 from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.estimator import FRAME_S, Estimate, Estimator
 from kpopnet.human import Looker
@@ -85,7 +85,7 @@ class PoseEstimator:
         """Forgets the room and the people: the next image is the first of another recording."""
         self._extractor: Extractor | None = None
         self._people: dict[int, DetectedPerson | TrackedPerson] = {}
-        self._time_s = 0.0
+        self._time_s, self._unit_known = 0.0, False
 
     def update(self, depth: np.ndarray, camera: Camera, time_s: float | None = None) -> list[PersonPose]:
         """The people in the next image, online: each image once, in order.
@@ -159,7 +159,7 @@ class PoseEstimator:
         ]
 
     def _found(self, depth: np.ndarray, camera: Camera, most: int, time_s: float | None) -> dict[int, Pose]:
-        depth_m, camera = _needed_image(depth, camera)
+        depth_m, camera = self._needed_image(depth, camera)
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()
             self._extractor = build_extractor(camera, self.extraction, self._looker(camera))
@@ -174,6 +174,12 @@ class PoseEstimator:
         poses = {identity: self._person(identity, camera).see(human, self._time_s) for identity, human in humans.items()}
         return {identity: pose for identity, pose in poses.items() if pose is not None}
 
+    def _needed_image(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
+        check_camera(camera)
+        depth_m = image_in_metres(depth, camera, self._unit_known)
+        self._unit_known = self._unit_known or tells_unit(depth_m)
+        return subsampled(depth_m, camera)
+
     def _looker(self, camera: Camera) -> Looker | None:
         """Looks at whom the finder finds, by the network: what it sees is used again for their joints."""
         mode, network = self.mode, self.network
@@ -182,7 +188,7 @@ class PoseEstimator:
         return lambda humans: detected(network, mode, [(human.depth_m, human.cropped(camera)) for human in humans])
 
     def _segmented(self, image: np.ndarray, camera: Camera, time_s: float) -> dict[int, Pose]:
-        depth_m, camera = _needed_image(image, camera)
+        depth_m, camera = self._needed_image(image, camera)
         pose = self._person(0, camera).update(depth_m, camera, time_s)
         return {0: pose} if np.isfinite(pose.joints_camera_m).any() else {}
 
@@ -198,8 +204,3 @@ def _how_far(depth_m: np.ndarray) -> str:
     if not depth_m.any():
         return "The last image measures nothing."
     return f"The last image is {np.median(depth_m[depth_m > 0]):.2f} m away in the median: is its unit right?"
-
-
-def _needed_image(depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
-    check_camera(camera)
-    return subsampled(image_in_metres(depth, camera), camera)

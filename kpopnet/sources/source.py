@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from kpopnet.camera import MAX_IMAGE_PIXELS, Camera, depth_in_metres, measured
+from kpopnet.camera import MAX_IMAGE_PIXELS, Camera, depth_in_metres, measured, tells_unit
 from kpopnet.errors import InputError
 from kpopnet.sources.lenses import Lens, View
 
@@ -72,12 +72,13 @@ class DepthSource:
 
         Raises InputError: no image, or one that is damaged, no depth, not of the camera's size, or not after the one before.
         """
-        before_s = -np.inf
+        before_s, unit_known = -np.inf, False
         for number, image in enumerate(self.images()):
             if number >= MAX_FRAMES:
                 raise InputError(f"{self.name}: more than {MAX_FRAMES:,} images; cut it into parts")
             depth = image.depth if self.units_per_m is None else measured(image.depth) / np.float32(self.units_per_m)
-            depth_m = self.view.image(depth_in_metres(depth, self.stored, where=image.where))
+            depth_m = depth_in_metres(depth, self.stored, where=image.where, unit_known=unit_known)
+            unit_known = unit_known or tells_unit(depth_m)
             time_s = image.time_s if self.file_times and image.time_s is not None else number / self.fps
             if not before_s < time_s < np.inf:
                 raise InputError(
@@ -85,7 +86,7 @@ class DepthSource:
                     "(--fps), which then replace the file's times"
                 )
             before_s = time_s
-            yield TimedDepth(time_s, depth_m)
+            yield TimedDepth(time_s, self.view.image(depth_m))
         if before_s == -np.inf:
             raise InputError(f"{self.name}: no image in it")
 

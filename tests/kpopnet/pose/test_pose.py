@@ -103,6 +103,16 @@ def test_a_refused_image_or_time_leaves_nothing_behind():
         assert found == expected
 
 
+def test_a_hand_before_the_lens_ends_nothing_once_the_unit_is_known():
+    frames, near = np.rint(1000 * np.stack(walking(3))).astype(np.uint16), np.full(walking(1)[0].shape, 40, np.uint16)
+    poses = PoseEstimator(Blob())
+    for frame in (*frames, near, frames[0]):
+        poses.update(frame, ROOM_CAMERA)
+    poses.reset()
+    with pytest.raises(InputError, match="these look like metres"):
+        poses.update(near, ROOM_CAMERA)
+
+
 def test_large_images_are_reduced_before_anything_looks_at_them():
     network, camera = Blob(), Camera.centred(3500.0, 4096, 4096)
     depth = np.zeros((4096, 4096), np.float32)

@@ -134,6 +134,19 @@ def test_times_come_from_the_file_or_the_rate_and_a_given_rate_replaces_both(tmp
         list(open_depth(path))
 
 
+def test_a_hand_before_the_lens_ends_no_recording(tmp_path):
+    near = MILLIMETRES.copy()
+    near[3] = np.where(np.arange(near[3].size).reshape(near[3].shape) < 100, 40, 0)
+    far = near / np.float32(1000)
+    far[4] = 51  # another room, through a window
+    for images in (near, far):
+        np.save(tmp_path / "a.npy", images)
+        assert read(tmp_path / "a.npy", CAMERA)[1][3].max() == np.float32(0.04)
+    np.save(tmp_path / "a.npy", near[3:])  # it tells no unit
+    with pytest.raises(InputError, match="these look like metres"):
+        list(open_depth(tmp_path / "a.npy", CAMERA))
+
+
 def test_the_largest_of_16_bits_is_not_measured_in_any_unit(tmp_path):
     stored = np.where(MILLIMETRES == 0, np.uint16(65535), MILLIMETRES)
     np.save(tmp_path / "a.npy", stored)
