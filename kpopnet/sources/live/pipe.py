@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.camera import Camera, depth_in_metres, tells_unit
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.runtime.input_files import parsing
@@ -91,7 +91,7 @@ class PipeCamera:
             raise CameraAwayError(self._away or _silent(self._name))
         view, image, arrived = newest
         depth_m = depth_in_metres(image.depth, where=image.where, unit_known=self._unit_known)
-        self._unit_known = self._unit_known or bool(depth_m.any())  # the sender's first image that measured something tells it
+        self._unit_known = self._unit_known or tells_unit(depth_m)
         return view.image(depth_m), moment(image.time_s, arrived)
 
     def close(self) -> None:
@@ -190,13 +190,14 @@ class Relay:
 
     def _serve(self, connection: socket.socket) -> None:
         with connection, contextlib.suppress(OSError):  # the camera was closed
-            sent = self._number  # before the line, after which a camera counts on every image
+            # Before the line, after which a camera counts on every image. Where all images came before, it gets the last one.
+            sent = 0 if self._ended else self._number
             connection.sendall(self._line)
             while True:
                 with self._changed:
                     while self._number == sent and not self._ended:
                         self._changed.wait()
-                    if self._ended:
+                    if self._number == sent:
                         return
                     frame, sent = self._frame, self._number
                 connection.sendall(frame)

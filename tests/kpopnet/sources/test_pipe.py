@@ -183,10 +183,20 @@ def test_standard_input_reaches_several_cameras_and_ends(monkeypatch):
                     np.testing.assert_array_equal(depth_m, image.astype(np.float32) / 1000)
                     assert taken == measured
             pipe_in.close()
-            for camera in (*cameras, PipeCamera(relay.address)):
+            for camera in cameras:
                 assert next_image(camera) is None
                 camera.close()
         assert not Path(relay.address.partition(":")[2]).parent.exists()
+
+
+def test_of_images_that_all_came_before_a_camera_it_gets_the_last_one(tmp_path):
+    with write_sent(tmp_path / "a.depth", IMAGES).open("rb") as file, contextlib.closing(Relay(file)) as relay:
+        while not relay._ended:
+            time.sleep(0.01)
+        for _ in range(2):
+            with contextlib.closing(PipeCamera(relay.address)) as camera:
+                np.testing.assert_array_equal(next_image(camera)[0], IMAGES[-1].astype(np.float32) / 1000)
+                assert next_image(camera) is None
 
 
 @pytest.mark.parametrize(
