@@ -204,6 +204,8 @@ def warm_up(source: DepthSource, estimator: PoseEstimator) -> None:
 def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
     """Feeds a recording of the script to the estimator. Raises InputError where it is damaged or too short."""
     truth = read_in_child(stored_truth, path)
+    if truth is not None:
+        check_not_given(given, (*OF_RECORDINGS, "rotate"), "a simulated film states its own, in which its true joints are")
     source = opener(path, given, in_child=True)()
     warm_up(source, estimator)
     collected, dropped = Collected(source.camera), 0

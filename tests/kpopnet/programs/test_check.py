@@ -108,6 +108,8 @@ def test_recordings_that_cannot_be_checked_are_one_line(check, cheap, film, tmp_
     assert "short.npz: 90 images of 3.0 s; the script takes 60 s" in check(short, "--as-fast", fails=True)
     write_simulated(tmp_path / "set", "check_sim", {"check_00": film})
     damaged = tmp_path / "set" / "check_00.h5"
+    for words in (("--rotate", 180), ("--fov", 80), ("--camera", "kinect_v1")):
+        assert f"error: {words[0]}: a simulated film states its own" in check(damaged, "--as-fast", *words, fails=True)
     content = damaged.read_bytes()
     damaged.write_bytes(content[: len(content) // 2])
     assert "check_00.h5: not a readable HDF5 file" in check(tmp_path / "set", fails=True)
