@@ -32,11 +32,14 @@ class Kept(NamedTuple):
 
     @classmethod
     def of(cls, depth_m: np.ndarray, camera: Camera) -> "Kept":
-        """Every k-th pixel of (H, W) metres."""
+        """Every k-th pixel of (H, W) metres; what is too far for 16 bits becomes 0, not measured."""
         k = -(-camera.width // WIDTH_PX)
-        small_mm = np.rint(depth_m[::k, ::k] * np.float32(MM_PER_METRE)).astype(np.uint16)
+        small_mm = np.rint(depth_m[::k, ::k] * np.float32(MM_PER_METRE))
+        small_mm[small_mm > np.iinfo(np.uint16).max] = 0
         height, width = small_mm.shape
-        return cls(small_mm, Camera(camera.fx / k, camera.fy / k, camera.cx / k, camera.cy / k, width, height))
+        return cls(
+            small_mm.astype(np.uint16), Camera(camera.fx / k, camera.fy / k, camera.cx / k, camera.cy / k, width, height)
+        )
 
 
 class Truth(NamedTuple):

@@ -160,6 +160,7 @@ def test_the_surface_before_the_empty_room_is_that_of_who_came_in() -> None:
     images_m[:, 100:110] = 0  # not measured
     images_m[8:, 60:180, 100:200] = 2
     images_m[11] = 0
+    images_m[8:, 200:, :] = 66.0  # through a window, beyond what 16 bits hold
     kept = [Kept.of(image_m, camera) for image_m in images_m]
     assert kept[0].depth_mm.shape == (120, 160) and kept[0].camera.fx == 150
     areas_m2 = surfaces_m2(kept, np.arange(12) < 8)
