@@ -18,6 +18,7 @@ What the files hold, and the other kinds of recordings: docs/predicting.md. `kpo
 """
 
 import argparse
+import contextlib
 import itertools
 import sys
 from collections.abc import Iterator, Sequence
@@ -154,7 +155,9 @@ def main() -> None:
         people, times_s = estimated(source, estimator, given.segmented)
         for number, name in itertools.product(range(1, MAX_PEOPLE + 1), FORMATS):  # of another recording
             joints_path(given.out, number, name).unlink(missing_ok=True)
-        (given.out / "overlay.gif").unlink(missing_ok=True)
+        for name in ("overlay.png", "overlay.mp4", "overlay.gif", "view.html"):
+            with contextlib.suppress(OSError):  # told where it is to be written, after the joints
+                (given.out / name).unlink()
         written = write_joints(people, times_s, given.out, given.format)  # before the pictures, which may be interrupted
         pictures = draw(source, people, times_s, given.out, given.gif)
         if not people:

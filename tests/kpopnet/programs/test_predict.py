@@ -88,7 +88,9 @@ def test_an_empty_room_is_told_and_shown_and_no_file_of_another_recording_stays(
 def test_joints_are_kept_where_the_pictures_cannot_be_made(predict, tmp_path):
     np.save(tmp_path / "a.npy", recording())
     (tmp_path / "out" / "overlay.png").mkdir(parents=True)
+    (tmp_path / "out" / "view.html").touch()  # of another recording
     predict(tmp_path / "a.npy", *CAMERA_WORDS, "--format", "npz", fails=True)
+    assert not (tmp_path / "out" / "view.html").exists()
     assert np.load(tmp_path / "out" / "joints.npz")["joints_m"].shape == (FRAMES, 15, 3)
 
 
