@@ -26,6 +26,8 @@ REALSENSE = ("fx", "fy", "ppx", "ppy", "width", "height")
 NESTED = ("depth", "depth_intrinsics", "intrinsics", "camera")
 """Where recorders put a camera inside a larger file."""
 
+COEFFS = "coeffs, as [k1, k2, p1, p2, k3, ...]"
+
 AZURE_SENSOR_PX = 1024
 AZURE_MODES = {(320, 288): (0.5, 192, 180), (640, 576): (1.0, 192, 180), (512, 512): (0.5, 0, 0), (1024, 1024): (1.0, 0, 0)}
 """Sizes of an Azure Kinect's depth images: the scale, and the first column and row on the sensor's 1024 x 1024 pixels. The
@@ -67,11 +69,24 @@ def optics_in(content: Any, where: str, width: int | None = None, height: int | 
         for names in (OURS, REALSENSE):
             if isinstance(found, dict) and all(isinstance(found.get(name), int | float) for name in names):
                 camera = Camera.from_numbers((float(found[name]) for name in names), where)
+                unread = [name for name in found if _names_a_lens(name) and _has_numbers(found[name])]
+                expect("coeffs" in found or not unread, f"{where}: {', '.join(unread)}", f"a lens under {COEFFS}")
                 return optics(camera, found.get("coeffs", []), str(found.get("model", "")), where)
     raise InputError(
         f"{where}: no camera in it; expected JSON with numbers {', '.join(OURS)}, or RealSense's with ppx and ppy, or an Azure "
         "Kinect's CalibrationInformation"
     )
+
+
+def _names_a_lens(name: str) -> bool:
+    return name.lower() in ("d", "k1") or name.lower().startswith("dist")
+
+
+def _has_numbers(value: Any) -> bool:
+    """Whether a value is a number other than 0, or has one in it."""
+    if isinstance(value, list | dict):
+        return any(map(_has_numbers, value.values() if isinstance(value, dict) else value))
+    return isinstance(value, int | float) and value != 0
 
 
 def optics(camera: Camera, coefficients: Any, model: str, where: str) -> Optics:

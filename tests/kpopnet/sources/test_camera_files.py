@@ -61,6 +61,8 @@ def test_the_lens_is_what_the_file_states_and_an_unknown_model_is_told(tmp_path,
         (azure(AZURE), Lens((5.25, 3.5, -0.0001, 0.0001, 0.18, 5.58, 5.13, 0.95))),
     ):
         assert read_optics(written(tmp_path, content), 640, 576).lens == expected
+    harmless = OURS | {"distortion_model": "brown", "distortion": [0, 0.0], "D": []}
+    assert read_optics(written(tmp_path, harmless)).lens is None
     assert not caplog.text
     unknown = REALSENSE | {"coeffs": [0.2, 0.1, 0, 0, 0], "model": "distortion.inverse_brown_conrady"}
     assert read_optics(written(tmp_path, unknown)).lens is None and "inverse_brown_conrady is not known" in caplog.text
@@ -72,6 +74,13 @@ def test_the_lens_is_what_the_file_states_and_an_unknown_model_is_told(tmp_path,
         ([], (), "no camera in it"),
         (OURS | {"coeffs": [0.1] * 14}, (), "at most 8 lens coefficients"),
         (OURS | {"fx": -1}, (), "fx=-1"),
+        (OURS | {"distortion": [0.1, 0.2, 0, 0]}, (), "distortion: expected a lens under coeffs"),
+        (
+            {name: REALSENSE[name] for name in REALSENSE if name != "coeffs"} | {"dist_coeffs": [[0.1, 0.2]]},
+            (),
+            "dist_coeffs: expected a lens under coeffs",
+        ),
+        (OURS | {"k1": 0.1}, (), "k1: expected a lens under coeffs"),
         (azure(AZURE), (), "give the depth image's size"),
         (azure(["a"] * 14), (640, 576), "ModelParameters"),
     ],
