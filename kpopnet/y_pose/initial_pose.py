@@ -40,8 +40,9 @@ UPPER_ARM_FRACTION, UPPER_LEG_FRACTION = 0.465, 0.45
 """Position of the elbow from the shoulder (0) to the palm (1), and of the knee from the hip (0) to the instep (1): means of
 simulated people (split train) that the same program prints; standard deviation 0.027."""
 
-SQUARE = 0.02
-"""Pixels whose height differs by no more than this share from their width are taken for square, as all lengths below are."""
+SQUARE, MOST_ROWS = 0.02, 4
+"""Pixels whose height differs by no more than this share from their width are taken for square, as all lengths below are. An
+image of others is given other rows, no more than so many times its own."""
 
 
 def find_initial_pose(depth_m: np.ndarray, camera: Camera) -> np.ndarray | None:
@@ -58,8 +59,11 @@ def initial_pose(depth_m: np.ndarray, camera: Camera) -> np.ndarray:
     From (H, W) float32 metres of them alone, 0 elsewhere, which may be cropped around them, and the camera of exactly these
     pixels. Raises NotYPose, with the reason, for any other pose.
     """
-    if abs(camera.fy / camera.fx - 1) > SQUARE:  # the rows taken again, as many as make pixels as high as wide
-        height = round(camera.height * camera.fx / camera.fy)
+    # The rows are taken again, as many as make pixels as high as wide.
+    height = round(camera.height * camera.fx / camera.fy)
+    if abs(camera.fy / camera.fx - 1) > SQUARE and height != camera.height:
+        if not 0 < height <= MOST_ROWS * camera.height:
+            raise NotYPose(f"pixels are {camera.fx / camera.fy:g} times as high as wide")
         rows = ((np.arange(height) + 0.5) * (camera.height / height)).astype(int)
         return initial_pose(np.ascontiguousarray(depth_m[rows]), camera.resized(camera.width, height))
     person_m, person = person_silhouette(depth_m, camera.fx)

@@ -101,6 +101,13 @@ def test_garbage_is_refused(depth: np.ndarray) -> None:
     assert find_initial_pose(depth, camera) is None
 
 
+@pytest.mark.parametrize("fy", [0.02, 19.0, 21.0, 23.8, 1e4])
+def test_few_rows_of_pixels_that_are_not_square_are_refused_in_short_time(fy: float) -> None:
+    for height in (1, 18, 20):
+        camera = Camera(20.0, fy, 15.0, height / 2, 30, height)
+        assert find_initial_pose(np.full((height, 30), 2, np.float32), camera) is None
+
+
 # --- simulated people ---------------------------------------------------------------------------------------------
 
 
