@@ -16,6 +16,7 @@ from kpopnet.runtime.provenance import install_command
 from kpopnet.viz.drawing import ESTIMATED, enlarged, scene_tile, sheet, with_captions
 
 VIDEO_WIDTH_PX, GIF_WIDTH_PX, TILE_WIDTH_PX = 640, 400, 320
+MOST_HEIGHT_PX = 2048
 TILES_PER_ROW = 4
 MOST_GIF_FRAMES = 200
 LEAST_GIF_FRAME_MS = 20
@@ -27,7 +28,9 @@ def overlay_image(depth_m: np.ndarray, camera: Camera, people_camera_m: Sequence
 
     RGB, enlarged by the whole number that comes closest to `width_px`; even in width and height, as video codecs want.
     """
-    width_px = camera.width * max(1, round(width_px / camera.width))
+    # Of a narrow image the height is what limits it.
+    factor = min(round(width_px / camera.width), MOST_HEIGHT_PX // camera.height)
+    width_px = camera.width * max(1, factor)
     image = scene_tile(depth_m, camera, ((joints_m, ESTIMATED) for joints_m in people_camera_m), width_px)
     return np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
 

@@ -8,6 +8,7 @@ import pytest
 from capsule_people import CAMERA, draw_depth, draw_joints
 from PIL import Image
 
+from kpopnet.camera import Camera
 from kpopnet.viz.overlay import overlay_image, resized, save_gif, write_video
 
 
@@ -39,6 +40,12 @@ def test_a_video_plays_with_its_frames_in_order_and_one_that_is_interrupted_leav
     with pytest.raises(KeyboardInterrupt):
         write_video(tmp_path / "b.mp4", interrupted(), 25.0)
     assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
+
+
+def test_a_narrow_image_is_not_enlarged_beyond_what_videos_hold():
+    camera = Camera.centred(500.0, 1, 480)
+    assert overlay_image(np.full((480, 1), 2, np.float32), camera, [], 640).shape[0] <= 2048
+    assert overlay_image(np.full((1, 480), 2, np.float32), camera.turned(), [], 640).shape == (2, 480, 3)
 
 
 def test_a_gif_shows_every_frame_for_its_time(tmp_path):
