@@ -68,10 +68,13 @@ def seen_teacher(teacher: Performance, name: str, estimator: Estimator | None = 
     """The teacher's dance as the estimator of a name of SEEN_BY sees it, the package's unless one is given.
 
     It takes a core eight tenths of the dance's length; a bar shows how far it is. Raises InputError where a joint is missing
-    throughout, or the dance is too long.
+    throughout, the dance is too long, or a slim installation lacks what simulates.
     """
-    from synth.body.teacher import teacher_arrays
-    from synth.dances.seen import FPS, PEOPLE, common_errors_m
+    try:
+        from synth.body.teacher import teacher_arrays
+        from synth.dances.seen import FPS, PEOPLE, common_errors_m
+    except ModuleNotFoundError as error:
+        raise InputError(f"the teacher as {name} sees them is simulated, which needs {error.name}; install it") from error
 
     if missing := [JOINT_NAMES[joint] for joint in teacher.unseen_joints]:
         raise InputError(f"the teacher as {name} sees them: {', '.join(missing)} missing in every frame; all joints are needed")
@@ -116,9 +119,9 @@ def parsed() -> argparse.Namespace:
         "what the teacher's joints are: true; recorded, by the estimator of --noise, too; or seen: true, and compared are what"
     )
     joints += (
-        " that estimator sees of simulated people who dance the same, so that what it is off of all of them is no fault (a core"
+        " that estimator sees of simulated people who dance the same, so that what it is off of all of them is no fault (a"
     )
-    joints += " takes the dance's length for it): %(default)s"
+    joints += " core takes about the dance's length for it): %(default)s"
     parser.add_argument("--teacher-joints", choices=("true", "seen", "recorded"), default="true", help=joints)
     parser.add_argument("--lang", choices=LANGUAGES, default="en", help="language of page and text: %(default)s")
     add_grading(parser, "with --bpm")

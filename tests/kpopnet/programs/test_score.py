@@ -4,6 +4,7 @@ import argparse
 import base64
 import json
 import re
+import sys
 from dataclasses import asdict
 from functools import partial
 
@@ -234,7 +235,7 @@ def test_a_teacher_leaves_a_part_free_and_weighs_the_total(run, files, tmp_path)
         weight("b.bvh")
 
 
-def test_a_teacher_as_the_estimator_sees_them(files, run, tmp_path):
+def test_a_teacher_as_the_estimator_sees_them(files, run, tmp_path, monkeypatch):
     _, learner, joints_m, _ = files
     np.savez(tmp_path / "short.npz", joints_m=joints_m[:90], fps=30)
     words = tmp_path / "short.npz", learner, "--noise", "network"
@@ -257,3 +258,5 @@ def test_a_teacher_as_the_estimator_sees_them(files, run, tmp_path):
     np.savez(tmp_path / "headless.npz", joints_m=headless_m, fps=30)
     refused = run(tmp_path / "headless.npz", learner, "--noise", "network", "--teacher-joints", "seen", fails=True)
     assert "head missing in every frame; all joints are needed" in refused
+    monkeypatch.setitem(sys.modules, "synth.dances.seen", None)  # as in a slim installation
+    assert "is simulated, which needs synth.dances.seen; install it" in run(*words, "--teacher-joints", "seen", fails=True)
