@@ -1,6 +1,6 @@
 """`check_sim`: simulated films of the script of `kpopnet check` (`kpopnet.datasets.check_script`), before every camera.
 
-A film lasts a minute, at 30 frames per second. Five people, three rooms: sequence k shows person k // C % 5 in room k // C % 3
+A film lasts a minute, at 30 frames per second. Five people, three rooms: sequence k shows person p = k // C % 5 in room p % 3
 before camera k % C of C. A person comes in from the side, stands still, turns once around, raises both hands, sits down on a
 seat that stands there, leaves, and comes back. `whole_px` and `seen_px` are as in `rooms`.
 """
