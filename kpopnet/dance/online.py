@@ -15,7 +15,6 @@ import numpy as np
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.performance import KERNEL_RADIUS_S, Performance, mask_missing_joints, resampled, with_derived_torso
 from kpopnet.dance.scoring import (
-    MIRROR_MARGIN,
     OURS,
     Comparison,
     DanceScore,
@@ -26,6 +25,7 @@ from kpopnet.dance.scoring import (
     check_observed,
     derived_torso,
     derives_torso,
+    mirror_fits_better,
     preferred,
 )
 from kpopnet.dance.window import FPS, PARTS, WINDOW_FRAMES, WindowScore
@@ -171,7 +171,7 @@ class OnlineScorer:
         for comparison in (self._direct, self._mirrored):
             comparison.keep_windows(self._next)
         if self.scorer.mirrored == "auto":
-            fits_better = self._mirrored.so_far > self._direct.so_far + MIRROR_MARGIN
+            fits_better = mirror_fits_better(self._direct.fit, self._mirrored.fit)
             order = (self._mirrored, self._direct) if fits_better else (self._direct, self._mirrored)
             self._shown, self._other = order
 

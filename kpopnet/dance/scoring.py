@@ -196,6 +196,11 @@ class DanceScore(NamedTuple):
         return [(float(self.windows.start_s[0]) + at_s, text) for at_s, text in self.stage.remarks()]
 
     @property
+    def fit(self) -> tuple[float, float]:
+        """Similarity and posture, by which the learner is told from their mirror image."""
+        return self.similarity, self.posture
+
+    @property
     def completeness(self) -> float:
         """Fraction in 0..1 of what the teacher dances that the learner shows, the mean over the parts."""
         return sum(self.coverage.values()) / len(self.coverage) if self.coverage else math.nan
@@ -345,7 +350,8 @@ class Comparison:
         # Filled, so that all memory is taken before the dance begins, not page by page while it is scored in real time.
         self._distances = np.full((len(grid.frames), 2 * BAND_FRAMES + 1), np.nan)
         self._end, self.kept = 0, list[WindowScore]()
-        self._sum, self._most, self._weight = 0.0, 0.0, 0.0
+        # Of similarity and posture of the windows that were kept: sums of weighted values, of their limits, and of weights.
+        self._sums = np.zeros((2, 3))
 
     def add(self, joints_m: np.ndarray, confidence: np.ndarray, new: int) -> None:
         """Adds the learner's next frames, the last `new` of (T, 15, 3) joints; the first of all is the teacher's frame 0.
@@ -386,15 +392,23 @@ class Comparison:
         for start in starts:
             window, weight = self.window(start), float(self._teacher.movement[len(self.kept)])
             self.kept.append(window)
-            if not math.isnan(window.similarity):
-                self._sum, self._weight = self._sum + weight * window.similarity, self._weight + weight
-                self._most += weight * window.limit
+            for sums, value, most in zip(
+                self._sums, (window.similarity, window.posture), (window.limit, window.most), strict=True
+            ):
+                if not math.isnan(value):
+                    sums += weight * value, weight * most, weight
         return bool(starts) and starts[-1] + WINDOW_FRAMES == frames
 
     @property
     def so_far(self) -> float:
         """S of Eq. (15) of the windows that were kept, 0 to 100; NaN before the first one."""
-        return min(self._sum, self._most) / self._weight if self._weight else math.nan
+        return self.fit[0]
+
+    @property
+    def fit(self) -> tuple[float, float]:
+        """Similarity and posture of the windows that were kept, 0 to 100, as `DanceScore.fit`; NaN before the first one."""
+        similarity, posture = (float(min(total, most) / weight) if weight else math.nan for total, most, weight in self._sums)
+        return similarity, posture
 
     def summary(self) -> DanceScore:
         """The score of the windows that were kept."""
@@ -436,9 +450,19 @@ class Comparison:
         )
 
 
+def mirror_fits_better(direct: tuple[float, float], mirrored: tuple[float, float]) -> bool:
+    """Whether the learner's mirror image fits clearly better, of similarity and posture of both comparisons, 0 to 100.
+
+    Who is late has no similarity, on either side, but for windows that fit at another delay by chance, and posture, which
+    disregards the delay. Where both sides have much the same posture the timing tells them apart.
+    """
+    similarity, posture = (of_mirrored - of_direct for of_direct, of_mirrored in zip(direct, mirrored, strict=True))
+    return posture > 0 and max(similarity, posture) > MIRROR_MARGIN
+
+
 def preferred(direct: DanceScore, mirrored: DanceScore) -> DanceScore:
     """The score that the scorer's `mirrored` asks for, of the learner and of the learner's mirror image."""
-    fits_better = mirrored.similarity > direct.similarity + MIRROR_MARGIN
+    fits_better = mirror_fits_better(direct.fit, mirrored.fit)
     use = {"false": False, "true": True, "auto": fits_better}[direct.scorer.mirrored]
     return (mirrored if use else direct)._replace(mirror_fits_better=fits_better)
 

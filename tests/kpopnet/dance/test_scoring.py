@@ -263,6 +263,18 @@ def test_the_learners_mirror_image_is_preferred_or_hinted_at():
     assert copy.similarity > 99.9 and not copy.mirrored and not copy.mirror_fits_better
 
 
+@pytest.mark.parametrize("late_s", [-0.8, 0.6, 1.2])
+def test_who_is_late_is_told_from_who_mirrors(late_s):
+    """Online, too, also where the learner's similarity is 0 on either side."""
+    for seed in range(3):
+        joints_m = dance_joints_m(seed)
+        for learner_m in (joints_m, mirrored(joints_m)):
+            teacher, learner, scorer = performed(joints_m), performed(learner_m, late_s), PartScorer(mirrored="auto")
+            whole, online = score_dance(teacher, learner, scorer), followed(OnlineScorer(teacher, scorer), learner)
+            assert whole.mirrored == online.mirrored == (learner_m is not joints_m)
+            assert whole.posture > 90
+
+
 @pytest.mark.parametrize("name", ["dance22", "paper"])
 @pytest.mark.parametrize("derived", ["teacher", "learner"])
 def test_where_one_torso_is_derived_the_bend_is_not_compared_and_not_unseen(name, derived):
