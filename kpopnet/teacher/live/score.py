@@ -60,7 +60,8 @@ class DanceTry:
         self._config = scorer_config(lesson, noise)
         self._teacher = excerpt(taught, self.begin_s, self.end_s)
         self._scorer = OnlineScorer(self._teacher, self._config, self._about.free_s)
-        self._images = 0  # while the dance went on, whether the learner was seen or not
+        # On the dance's clock, while the dance went on, whether the learner was seen or not.
+        self._images, self._first_s, self._last_s = 0, 0.0, 0.0
         self._seen: list[tuple[float, np.ndarray, np.ndarray]] = []  # times without the latency, joints, confidence
         self._graded_m = np.full((NUM_JOINTS, 3), np.nan)  # the latest image's
         self._latest: OnlineScore | None = None
@@ -116,6 +117,7 @@ class DanceTry:
         time_s = self._clock.dance_s(image.taken)
         if not self._clock.running or time_s < self.begin_s or (self._seen and time_s <= self.seen_s):
             return
+        self._first_s, self._last_s = self._first_s if self._images else time_s, time_s
         self._images += 1
         if person is None:
             return
@@ -187,9 +189,10 @@ class DanceTry:
         except InputError:  # no person was in view for a whole window
             score = None
         ages, verdicts = self._ages_ms or [0], self._verdicts_ms or [0]
+        steps, watched_s = self._images - 1, self._last_s - self._first_s  # up to where the camera's images ended
         notes = {
             "frames": len(self._seen),
-            "fps": rounded(self._images / (self.end_s - self.begin_s) * self._lesson.speed, 3),
+            "fps": rounded(steps / watched_s * self._lesson.speed, 3) if steps > 0 else None,
             "dropped": dropped,
             "age_ms_median": float(np.median(ages)),
             "age_ms_p95": float(np.percentile(ages, 95)),

@@ -33,7 +33,7 @@ WORST = 3
 """Moments and faults in a result."""
 
 MIN_FPS = 7.0
-"""Images a second of which fewer cost more than a point: perfect dancing of true joints has 99.4 at 10, 98.6 at 7, 96 at 5."""
+"""Images a second of the dance of which fewer cost more than a point: perfect dancing of true joints has 99.4 at 10, 98.6 at 7, 96 at 5."""
 
 _FEET = [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
 
@@ -142,9 +142,9 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
         told = own_sides(told)
     if told["latency_s"] is not None:  # of the set-up, in real seconds like `Lesson.latency_s`
         told["latency_s"] = rounded(told["latency_s"] / lesson.speed, 3)
-    return (
-        head | told | {"hints": [*([Said(slow, fps=f"{notes['fps']:.0f}")] if notes["fps"] < MIN_FPS else []), *told["hints"]]}
-    )
+    if notes["fps"] and notes["fps"] / lesson.speed < MIN_FPS:
+        told["hints"] = [Said(slow, fps=f"{notes['fps']:.0f}"), *told["hints"]]
+    return head | told
 
 
 def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float], beat_s: float | None) -> dict:

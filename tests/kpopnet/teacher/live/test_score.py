@@ -81,6 +81,22 @@ def test_a_slow_machine_costs_little_and_is_told(dance, fps, least):
     assert not any("no person" in hint for hint in result["hints"])
 
 
+@pytest.mark.parametrize(("speed", "fps", "is_told"), [(0.5, 6.0, False), (1.5, 7.5, True), (1.0, 8.0, False)])
+def test_images_count_by_the_second_of_the_dance(dance, speed, fps, is_told):
+    told = danced(dance, fps, speed=speed)
+    assert any("images a second were scored" in hint for hint in told["hints"]) == is_told
+    assert told["notes"]["fps"] == pytest.approx(fps, abs=0.1) and (told["total"] > 98) != is_told
+
+
+def test_a_camera_that_ends_in_mid_dance_is_not_called_slow(dance):
+    one = begun(dance, to_s=6.0)
+    for taken in np.arange(0.0, 2.5, 1 / 30):
+        look(one, taken, dance.joints_m[round(taken * dance.fps)])
+    told = one.finish(0)[0]
+    assert told["total"] < 60 and told["notes"]["fps"] == pytest.approx(30, abs=0.1)
+    assert not any("images a second" in hint for hint in told["hints"])
+
+
 @pytest.mark.parametrize(("took_s", "most"), [(0.0, 24), (0.1, 6)])
 def test_words_that_take_long_are_new_less_often(dance, monkeypatch, took_s, most):
     moments_s = [0.0]
