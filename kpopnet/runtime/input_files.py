@@ -11,6 +11,7 @@ import re
 import reprlib
 import types
 import typing
+import unicodedata
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -28,6 +29,9 @@ MAX_JSON_BYTES = 64_000_000
 MAX_JSON_DEPTH = 64
 MAX_JSON_VALUES = 8_000_000
 """Values separated by commas, and a quarter as many lists and objects: 1 GB. 64 MB of text may hold several times as many."""
+
+JOINERS = "\u200c\u200d"
+"""Join the parts of an emoji, and letters of Persian or Hindi, or keep them apart."""
 
 _LARGE_NUMBER = re.compile(r"[0-9]{19}|[0-9][eE]")
 _HALF = re.compile(r"\\u[dD][89a-fA-F]|[\ud800-\udfff]")
@@ -91,6 +95,16 @@ def check_names(where: str, names: Iterable[str]) -> None:
     """Raises InputError if the name of a file or folder is not UTF-8: figures and reports could not show it."""
     for name in filter(_has_surrogates, names):
         raise InputError(f"{where}: {name.encode('utf-8', 'backslashreplace').decode()}: a name that is not UTF-8; rename it")
+
+
+def plain_name(name: str) -> str:
+    """A name that a person gave, letters composed (NFC), each kind of space a plain one."""
+    return "".join(" " if unicodedata.category(one) == "Zs" else one for one in unicodedata.normalize("NFC", name))
+
+
+def can_be_printed(name: str) -> bool:
+    """Whether a name has no line breaks, no marks that turn text around, and the like."""
+    return all(one.isprintable() or one in JOINERS for one in name)
 
 
 def names_in(names: Iterable[str]) -> str:

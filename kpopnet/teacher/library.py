@@ -22,7 +22,16 @@ from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.networks import WEIGHTS
 from kpopnet.runtime.atomic_write import claim, write_npz
-from kpopnet.runtime.input_files import ArraySchema, check_names, expect, parse_json, read_npz, settings_from
+from kpopnet.runtime.input_files import (
+    ArraySchema,
+    can_be_printed,
+    check_names,
+    expect,
+    parse_json,
+    plain_name,
+    read_npz,
+    settings_from,
+)
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.weights import SHA256
 
@@ -62,6 +71,13 @@ class TeacherBody:
         return offsets_m
 
 
+def checked_title(name: str) -> str:
+    """A dance's title as it is shown; raises InputError for what cannot be printed."""
+    check_names("title", [name])
+    expect(can_be_printed(name := plain_name(name)), f"title {name}", "letters that can be printed")
+    return name
+
+
 @dataclass(frozen=True)
 class About:
     """What the menu shows of a dance."""
@@ -75,8 +91,7 @@ class About:
     weights: dict[str, float] = field(default_factory=dict)  # of the total, as of `DanceScore.total`
 
     def __post_init__(self) -> None:
-        check_names("title", [self.name])
-        expect(self.name.isprintable(), f"title {self.name}", "letters that can be printed")
+        object.__setattr__(self, "name", checked_title(self.name))
         expect(all(len(one) == 2 for one in self.free_s), "free_s", "a begin and an end of each")
         check_free(self.free_s)
         check_weights(self.weights)

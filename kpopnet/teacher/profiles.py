@@ -14,7 +14,7 @@ import numpy as np
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.runtime.atomic_write import atomic_path
-from kpopnet.runtime.input_files import check_names, read_json, settings_from
+from kpopnet.runtime.input_files import can_be_printed, check_names, plain_name, read_json, settings_from
 from kpopnet.teacher.tries import Tries
 
 WHO = re.compile("p_[0-9a-f]{8}")
@@ -29,7 +29,8 @@ class Profile:
 
     def __post_init__(self) -> None:
         check_names("name", [self.name])
-        known = self.name.isprintable() and self.name == self.name.strip() and 1 <= len(self.name) <= MAX_LETTERS
+        object.__setattr__(self, "name", plain_name(self.name))
+        known = can_be_printed(self.name) and self.name == self.name.strip() and 1 <= len(self.name) <= MAX_LETTERS
         if not known:
             text = "a name has 1 to {most} letters that can be printed, without spaces around them"
             raise InputError(Said(text, most=MAX_LETTERS))

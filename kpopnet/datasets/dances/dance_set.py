@@ -10,6 +10,7 @@ import hashlib
 import io
 import math
 import re
+import unicodedata
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -312,7 +313,8 @@ def depth_key(depth_mm: np.ndarray, boxes: np.ndarray, camera: Camera) -> str:
 
 def is_learner_name(name: str) -> bool:
     """Whether a name is valid for a learner's file in the folder of the dance."""
-    plain = name == name.strip() and not name.startswith(".") and all(letter.isalnum() or letter in "-_. " for letter in name)
+    letters = all(one.isalnum() or one in "-_. " or unicodedata.category(one) in ("Mn", "Mc") for one in name)
+    plain = letters and name == name.strip() and not name.startswith(".")
     return bool(name) and plain and len(name.encode()) <= MAX_NAME_BYTES and f"{name}.h5" != TEACHER
 
 

@@ -29,6 +29,13 @@ def left(folder) -> set[str]:
     return {path.name for path in folder.rglob("*") if path.is_file()}
 
 
+def test_names_of_any_script_are_shown():
+    assert Profile("山田\u3000太郎").name == "山田 太郎" and Profile("Zoe\u0301").name == "Zoé"
+    for name in ("", " a", "a\u3000", "a\nb", "x" * 41, "\u202eb"):
+        with pytest.raises(InputError, match="letters that can be printed"):
+            Profile(name)
+
+
 @with_its_client
 async def test_a_profile_has_its_own_history_which_is_exported_and_deleted(client, teaching, tried):
     mina, theo = [(await client.told("/api/profiles", **adding(one)))["who"] for one in ("Mina", "Théo")]
