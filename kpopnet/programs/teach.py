@@ -41,11 +41,12 @@ from kpopnet.runtime.input_files import expect
 from kpopnet.runtime.parallel import in_processes
 from kpopnet.sources.live import LIVE_CAMERAS, check_live, open_live, shared_live
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
-from kpopnet.teacher.adding import add_group, holds_depth, kpop_teachers, part_of
-from kpopnet.teacher.library import SEEN_AS, TRIES, Library, TaughtDance, TeacherBody, taught_dance
+from kpopnet.teacher.adding import MIN_S, add_group, check_length, holds_depth, kpop_teachers, part_of
+from kpopnet.teacher.library import SEEN_AS, TRIES, Library, TaughtDance, TeacherBody, checked_title, taught_dance
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import load_estimator
 from kpopnet.teacher.live.webcam import DESCRIPTION
+from kpopnet.teacher.posing import MAX_S
 
 FOLDER = Path("outputs/teach")
 PORT = 8471
@@ -171,7 +172,10 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
         return {given.title or name: [performance]}
     if given.joint_map is None and holds_depth(path):
         expect(not others, str(path), "one recording of depth of all dancers, and --people")
-        source, estimator = arguments.opener(path, given, in_child=True)(), PoseEstimator.load(mode="best", people=given.people)
+        source = arguments.opener(path, given, in_child=True)()
+        if source.frames is not None and given.to_s is None:  # at least so long: images may have been lost
+            check_length(str(path), max(source.frames / source.fps - given.from_s, MIN_S))
+        estimator = PoseEstimator.load(mode="best", people=given.people)
         people, times_s = estimated(source, estimator, given.segmented)
         if len(people) < given.people:
             text = f"{len(people)} of {given.people} people were found" if people else "no person was found"
@@ -190,6 +194,10 @@ def add_own(given: argparse.Namespace) -> None:
         raise InputError(f"--bpm {given.bpm:g}: expected 20 to 400 beats per minute")
     expect(given.to_s is None or given.to_s > given.from_s, "--to", f"more than the {given.from_s:g} s of --from")
     arguments.check_grading(given)
+    path = given.files[0]
+    checked_title(given.title or path.stem)  # before a recording is looked at for minutes
+    if given.to_s is not None:
+        check_length(str(path), min(given.to_s - given.from_s, MAX_S))
     dances = own_dances(given)
     with locked(given.data):
         library = made_library(given.data)

@@ -28,7 +28,9 @@ from kpopnet.teacher.posing import MAX_S, at_rate, posed
 IS_OF_LIMB = np.array([joint.name.endswith(("ELBOW", "HAND", "KNEE", "FOOT")) for joint in Joint])
 
 FPS = 30.0
-MIN_S = 5.0
+MIN_S, LAST_STEP_S = 5.0, 0.1
+"""The last image of a cut of five seconds comes as much as the second before their end."""
+
 USUAL_BPM = 120.0
 
 JOINT_ARRAYS = {"joints_m.npy", "keypoints3d.npy", "keypoints3d_optim.npy", "points.npy", "poses.npy"}
@@ -55,9 +57,7 @@ def add_group(
     """
     expect(len(dancers) <= MOST_DANCERS, where, f"at most {MOST_DANCERS} dancers")
     begin_s, end_s = (pick(float(one.times_s[at]) for one in dancers) for pick, at in ((max, 0), (min, -1)))
-    if not MIN_S <= end_s - begin_s <= MAX_S:
-        text = "{file}: lasts {seconds} s; a dance lasts {least} to {most} s"
-        raise InputError(Said(text, file=where, seconds=f"{end_s - begin_s:.1f}", least=f"{MIN_S:g}", most=f"{MAX_S:g}"))
+    check_length(where, end_s - begin_s)
     danced = [at_rate(one, FPS, begin_s, end_s) for one in dancers]
     seen = [at_rate(_without_guesses(one), FPS, begin_s, end_s) for one in dancers]
     taught = [
@@ -67,6 +67,13 @@ def add_group(
     first, *others = sorted(taught, key=lambda one: -one.start_m[0])
     about = replace(first.about, free_s=[list(one) for one in free_s], weights=dict(weights))
     return library.add(replace(first, about=about, others=tuple(others)))
+
+
+def check_length(where: str, seconds: float) -> None:
+    """Raises InputError, which names the file `where`, unless a dance may last so many seconds."""
+    if not MIN_S - LAST_STEP_S <= seconds <= MAX_S:
+        text = "{file}: lasts {seconds} s; a dance lasts {least} to {most} s"
+        raise InputError(Said(text, file=where, seconds=f"{seconds:.1f}", least=f"{MIN_S:g}", most=f"{MAX_S:g}"))
 
 
 def recorded(message: Any) -> Performance:

@@ -50,8 +50,8 @@ TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 BVH_END_M = np.array([0, 0.08, 0])
 """Where a bone without children ends in BVH."""
 
-MAX_S = 900.0
-"""Longest dance, seconds."""
+MAX_S, LAST_IMAGE_S = 900.0, 1.0
+"""Longest dance, seconds, and how much later the last image of a lesson may be."""
 
 FLOOR_PERCENTILE = 10
 """Of the lower foot's height over a dance: where the floor is."""
@@ -98,13 +98,13 @@ def at_rate(performance: Performance, fps: float, begin_s: float | None = None, 
     """(T, 15, 3) float32 joints of a performance at a constant rate: those of the nearest frames.
 
     From its first frame on to its last, unless other times within it are given, in seconds. Raises InputError if it lasts more
-    than MAX_S.
+    than MAX_S, and LAST_IMAGE_S.
     """
     begin_s = performance.times_s[0] if begin_s is None else begin_s
     end_s = performance.times_s[-1] if end_s is None else end_s
-    if not end_s - begin_s <= MAX_S:
-        raise InputError(f"a recording of {end_s - begin_s:.3g} s; a dance lasts at most {MAX_S:g} s")
-    times_s = np.arange(begin_s, end_s, 1 / fps)
+    if not end_s - begin_s <= MAX_S + LAST_IMAGE_S:
+        raise InputError(f"a recording of {end_s - begin_s:.1f} s; a dance lasts at most {MAX_S:g} s")
+    times_s = np.arange(begin_s, max(end_s, begin_s + 0.5 / fps), 1 / fps)  # one frame at least
     after = np.clip(np.searchsorted(performance.times_s, times_s), 1, len(performance) - 1)
     before_is_nearer = times_s - performance.times_s[after - 1] < performance.times_s[after] - times_s
     return performance.joints_m[after - before_is_nearer].astype(np.float32)

@@ -125,6 +125,18 @@ MISTAKES = {
 }
 
 
+def test_what_would_be_refused_is_refused_before_a_recording_is_looked_at(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(teach.PoseEstimator, "load", None)
+    for seconds, words, told in (
+        (1000, (), "depth.npz: lasts 1000.0 s; a dance lasts 5 to 900 s"),
+        (1000, ("--from", 10), "depth.npz: lasts 990.0 s; a dance lasts 5 to 900 s"),
+        (10, ("--from", 4, "--to", 8), "depth.npz: lasts 4.0 s; a dance lasts 5 to 900 s"),
+        (10, ("--title", "a\tb"), "letters that can be printed"),
+    ):
+        np.savez(tmp_path / "depth.npz", depth_mm=np.full((seconds, 8, 8), 2000, np.uint16), fps=1)
+        assert told in run("add", tmp_path / "depth.npz", "--focal", 2, *words, fails=True)
+
+
 def test_a_mistake_is_one_line_before_dances_are_made(run, tmp_path):
     for words, told in MISTAKES.items():
         assert told in run(*words, fails=True), words

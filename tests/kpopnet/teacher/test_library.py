@@ -14,7 +14,7 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import BONES, MIRROR, Joint
 from kpopnet.teacher.adding import add_group, holds_depth, kpop_teachers, part_of
 from kpopnet.teacher.library import DANCES, TRIES, Library, difficulty, moves_cm, preview_cm
-from kpopnet.teacher.posing import TO_WORLD, as_bvh, at_rate, posed
+from kpopnet.teacher.posing import TO_WORLD, as_bvh, at_rate, learners_movement, posed
 from synth.body.teacher import teacher_person
 from synth.dances.live import CAMERA
 from synth.simulated.film import Studio
@@ -79,6 +79,35 @@ def test_nearest_frames_are_taken_at_a_constant_rate_of_at_most_15_minutes(libra
     assert np.array_equal(at_rate(performance, 15.0), performance.joints_m[:-1:2].astype(np.float32))
     with pytest.raises(InputError, match="at most 900 s"):  # the file of a try may hold any time when it has been edited
         at_rate(Performance(np.zeros((2, 15, 3)), np.array([0.0, 7000.0])), 30.0)
+    assert len(at_rate(Performance(np.zeros((1, 15, 3)), np.array([3.0])), 30.0)) == 1
+
+
+def test_the_longest_and_the_shortest_dance_can_be_added_and_its_try_be_shown(library, tmp_path):
+    mine = Library(tmp_path, library.body)
+    whole_m = np.resize(library.dance("dance_001").joints_m, (9002, 15, 3)).astype(np.float64)
+    for frames in (9001, 50):  # 900 s, and 4.9 s as of a cut of 5 s
+        performance = Performance(whole_m[:frames], np.arange(frames) / 10)
+        identity = add_group(mine, [performance], "dance", "Long")
+        lesson = Performance(whole_m[: frames + 1], np.arange(frames + 1) / 10 + 0.08)  # up to the image after the end
+        assert len(learners_movement(lesson, mine.dance(identity).fps, mine.body).quats) == 3 * frames
+    for frames in (9003, 49):
+        with pytest.raises(InputError, match="a dance lasts 5 to 900 s"):
+            add_group(mine, [Performance(np.resize(whole_m, (frames, 15, 3)), np.arange(frames) / 10)], "dance", "Long")
+
+
+SHOWN = {
+    "きみと\u3000ダンス": "きみと ダンス",
+    "Zoe\u0301": "Zo\u00e9",
+    "\U0001f469\u200d\U0001f3a4": "\U0001f469\u200d\U0001f3a4",
+}
+
+
+def test_titles_of_any_script_are_shown_and_what_cannot_be_printed_is_refused(library):
+    for title, shown in SHOWN.items():
+        assert replace(library.about("dance_001"), name=title).name == shown
+    for title in ("a\tb", "a\nb", "\u202egnirts", "\u2028"):
+        with pytest.raises(InputError, match="letters that can be printed"):
+            replace(library.about("dance_001"), name=title)
 
 
 def test_joints_of_limbs_that_were_guessed_are_shown_but_not_taught(library, tmp_path):
