@@ -52,12 +52,13 @@ def result_page(
     language: str = "en",
 ) -> str:
     """A result, of `kpopnet.teacher.live.words.score_result`, as the teacher's page shows it, with notes, in one of
-    `kpopnet.languages.LANGUAGES`. `dances` are the teacher's and the learner's, whose replay ends after MAX_S; `phrase_s` is
-    the length of the result's phrases.
+    `kpopnet.languages.LANGUAGES`. `dances` are the teacher's and the learner's, of which MAX_S are replayed, from the learner's
+    begin on where the dance is longer; `phrase_s` is the length of the result's phrases.
     """
     title = in_language(title, language)
     from_s, to_s = float(dances[0].times_s[0]), float(dances[0].times_s[-1])
-    teacher, learner = (_replayed(one, from_s, body) for one in dances)
+    replayed_s = max(from_s, min(float(dances[1].times_s[0]), to_s - MAX_S))
+    teacher, learner = (_replayed(one, replayed_s, body) for one in dances)
     found = {"name": title, "from_s": from_s, "to_s": to_s, **result, "hints": notes + result["hints"]}
     dance = {"seconds": to_s - from_s, "phrase_s": phrase_s, "first_s": result["phrases"][0]["start_s"], **teacher}
     given = json.dumps({"found": keyed(found), "dance": dance, "movement": learner, "body": packed_body(body)}, allow_nan=False)
