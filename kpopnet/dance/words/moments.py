@@ -157,9 +157,9 @@ def lateness(delay_s: float, beat_s: float | None) -> Said:
 
 
 def clock(seconds: float) -> str:
-    """A time as minutes and seconds, such as 1:05."""
-    whole = max(math.floor(seconds + 0.5), 0)
-    return f"{whole // 60}:{whole % 60:02d}"
+    """A time as minutes and seconds, such as 1:05; before time 0 as -0:05."""
+    whole = math.floor(seconds + 0.5)
+    return f"{'-' if whole < 0 else ''}{abs(whole) // 60}:{abs(whole) % 60:02d}"
 
 
 def at(starts_s: list[float]) -> Said:

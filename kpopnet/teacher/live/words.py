@@ -33,7 +33,8 @@ WORST = 3
 """Moments and faults in a result."""
 
 MIN_FPS = 7.0
-"""Images a second of the dance of which fewer cost more than a point: perfect dancing of true joints has 99.4 at 10, 98.6 at 7, 96 at 5."""
+"""Images a second of the dance of which fewer cost more than a point: perfect dancing of true joints has 99.4 at 10, 98.6 at 7,
+96 at 5."""
 
 _FEET = [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]
 

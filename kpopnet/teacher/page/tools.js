@@ -48,8 +48,8 @@ export function unpacked(text, Kind) {
 }
 
 export function clock(seconds) {
-  const whole = Math.max(Math.round(seconds), 0);
-  return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
+  const whole = Math.round(seconds), sizes = Math.abs(whole);
+  return `${whole < 0 ? "-" : ""}${Math.floor(sizes / 60)}:${String(sizes % 60).padStart(2, "0")}`;
 }
 
 export function clamp(value, low, high) {

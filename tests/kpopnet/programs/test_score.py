@@ -260,3 +260,23 @@ def test_a_teacher_as_the_estimator_sees_them(files, run, tmp_path, monkeypatch)
     assert "head missing in every frame; all joints are needed" in refused
     monkeypatch.setitem(sys.modules, "synth.dances.seen", None)  # as in a slim installation
     assert "is simulated, which needs synth.dances.seen; install it" in run(*words, "--teacher-joints", "seen", fails=True)
+
+
+def test_what_lies_before_the_first_beat_has_times_below_zero(files, run, tmp_path):
+    _, _, joints_m, learner_m = files
+    for name, dance_m in (("teacher", joints_m), ("learner", learner_m)):
+        np.savez(tmp_path / f"{name}.npz", joints_m=dance_m, times_s=np.arange(len(dance_m)) / 30 - 8)
+    printed = run(*files[:2])
+    assert "-0:08 to -0:04, 100: no fault stands out" in printed and "-0:04 to 0:00" in printed
+
+
+def test_of_a_dance_longer_than_a_replay_the_learners_part_is_replayed(files, run, tmp_path):
+    teacher, learner, joints_m, _ = files
+    np.savez(teacher, joints_m=np.resize(joints_m, (9100, 15, 3)), times_s=np.arange(9100) / 10)
+    for first_s, last_s in ((840.0, 909.0), (900.0, 909.9), (905.0, 909.0)):
+        times_s = np.arange(first_s, last_s, 0.1)
+        np.savez(learner, joints_m=np.resize(joints_m, (9100, 15, 3))[np.rint(10 * times_s).astype(int)], times_s=times_s)
+        run(teacher, learner, "--as-is")
+        shown = on_page(tmp_path)
+        assert shown["movement"]["begin_s"] == pytest.approx(first_s, abs=0.1)
+        assert shown["dance"]["begin_s"] <= first_s and len(base64.b64decode(shown["movement"]["hips_m"])) // 12 > 100

@@ -13,7 +13,7 @@ const { clamp, clock, followed, keepLatency, keyOf, latencyOf, milliseconds, rem
 beforeEach(() => { stored = {}; });
 
 test("a time is minutes and seconds, never negative", () => {
-  assert.deepEqual([0, 5.4, 59.6, 61, 600, -3].map(clock), ["0:00", "0:05", "1:00", "1:01", "10:00", "0:00"]);
+  assert.deepEqual([0, 5.4, 59.6, 61, 600, -0.4, -3, -64.6].map(clock), ["0:00", "0:05", "1:00", "1:01", "10:00", "0:00", "-0:03", "-1:05"]);
 });
 
 test("a number is kept between two others", () => {
