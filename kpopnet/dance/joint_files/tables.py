@@ -66,8 +66,8 @@ def read_csv(path: Path) -> NamedPoints:
     """
     text = read_text(path)
     header_line = text.partition("\n")[0]
-    if ";" in header_line and "," not in header_line:  # a spreadsheet where the comma is the decimal point
-        text = text.replace(",", ".").replace(";", ",")
+    if "," not in header_line and (separator := next((one for one in ";\t" if one in header_line), "")):
+        text = text.replace(",", ".").replace(separator, ",")  # of a spreadsheet, where a comma may be the decimal point
     table = csv.reader(io.StringIO(text))
     with parsing(path, "not a CSV file"):
         header = [word.strip() for word in next(table, [])]

@@ -95,9 +95,10 @@ def test_a_foot_is_the_middle_of_ankle_and_foot_and_a_hand_is_preferred_to_a_wri
     assert joints_m[Joint.RIGHT_HAND, 1] == pytest.approx(joints_m[Joint.LEFT_HAND, 1], abs=0.01)
 
 
-def test_a_table_of_a_spreadsheet_with_decimal_commas_is_read_as_one_with_points(tmp_path):
+@pytest.mark.parametrize(("separator", "point"), [(";", ","), ("\t", ","), ("\t", ".")])
+def test_a_table_of_a_spreadsheet_is_read_as_one_with_commas_and_points(separator, point, tmp_path):
     path = write_csv(tmp_path / "a.csv", kinect(), {"time_s": np.arange(FRAMES) / 30})
-    (tmp_path / "b.csv").write_text(path.read_text().replace(",", ";").replace(".", ","))
+    (tmp_path / "b.csv").write_text(path.read_text().replace(",", separator).replace(".", point))
     one, other = read_performance(path), read_performance(tmp_path / "b.csv")
     np.testing.assert_array_equal(one.joints_m, other.joints_m)
     np.testing.assert_array_equal(one.times_s, other.times_s)
