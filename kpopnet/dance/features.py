@@ -35,6 +35,7 @@ position and size, but its yaw, pitch and roll depend on the camera's heading: b
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -127,17 +128,19 @@ def _angles_confidence(angles_rad: np.ndarray, confidence: np.ndarray, names: tu
 
     For a limb's angles only the limb's own joints count: the torso frame is estimated from six joints together.
     """
-    first = np.minimum(confidence[:, PROXIMAL], confidence[:, MIDDLE])
-    second = np.minimum(confidence[:, MIDDLE], confidence[:, DISTAL])
-    limbs: dict[str, np.ndarray] = dict(
-        zip(_FIRST_DEGREE + _SECOND_DEGREE, np.concatenate([first, second], axis=1).T, strict=True)
-    )
-    torso = confidence[:, _TORSO].min(axis=1)
-    lowest = np.stack([limbs[limb] if (limb := name.rpartition("_")[0]) in limbs else torso for name in names], axis=1)
+    lowest = confidence[:, _joints_of(names)].min(axis=2)
     is_now = np.array([name not in OF_EARLIER_FRAMES for name in names])
     missing = np.isnan(angles_rad)
     missing[:, ~is_now] = np.isnan(angles_rad[:, :1])  # the first angle is of the torso now
     return np.where(missing, 0.0, lowest)
+
+
+@cache
+def _joints_of(names: tuple[str, ...]) -> np.ndarray:
+    """(D, 6) the joints whose confidence counts for each angle, those of a limb more than once."""
+    limbs = dict(zip(_FIRST_DEGREE, zip(PROXIMAL, MIDDLE, strict=True), strict=True))
+    limbs |= dict(zip(_SECOND_DEGREE, zip(MIDDLE, DISTAL, strict=True), strict=True))
+    return np.array([np.resize(limbs.get(name.rpartition("_")[0], _TORSO), len(_TORSO)) for name in names])
 
 
 def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Angles:

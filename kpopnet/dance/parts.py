@@ -176,8 +176,7 @@ class PartTeacher:
         path = best_match(distances[-frames:], True, WINDOW_DELAY_PENALTY / FPS, expected)
         if not len(path):
             return nothing_seen(self.features, _PARTS_OF, start)
-        of_parts = [confidence[-CONTEXT_FRAMES:, part == _PARTS_OF].min(axis=1) for part in range(len(PARTS))]
-        unsure = doubt(np.stack(of_parts, axis=1))
+        unsure = doubt(_least_of_parts(confidence[-CONTEXT_FRAMES:], _PARTS_OF))
         score = self._on_path(path, learner, start, unsure)
         # A wrong limb may lead the match astray. Then the other limbs are compared at the constant delay, as if it were unseen.
         straight = np.stack([np.arange(frames), np.full(frames, expected)], axis=1)
@@ -216,6 +215,16 @@ class PartTeacher:
     def _skill(self, similarity: np.ndarray) -> np.ndarray:
         """Similarities in 0..1, without what standing still has."""
         return np.maximum(similarity - self.standing, 0) / (1 - self.standing)
+
+
+@njit(cache=True)
+def _least_of_parts(values, parts):
+    """(n, P) the least of (n, D) values of each part's angles; `parts` (D,) numbers the part of each."""
+    least = np.full((len(values), parts.max() + 1), np.inf)
+    for frame in range(len(values)):
+        for angle, part in enumerate(parts):
+            least[frame, part] = min(least[frame, part], values[frame, angle])
+    return least
 
 
 @njit(cache=True)

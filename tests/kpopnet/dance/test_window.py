@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.dance.dtw import PathDistances
-from kpopnet.dance.parts import _in_common
+from kpopnet.dance.parts import _in_common, _least_of_parts
 from kpopnet.dance.window import PARTS, WINDOW_FRAMES, window_score
 
 PART_OF_ANGLE = np.array([0, 0, 1, 2, 3, 4, 4, 5])
@@ -30,6 +30,12 @@ def random_pairs(rng):
 def mean_of_known(values, axis=0):
     with warnings.catch_warnings(action="ignore"):  # nothing is known
         return np.nanmean(values, axis=axis)
+
+
+def test_the_least_confidence_of_a_part_is_that_of_its_angles():
+    confidence = np.random.default_rng(0).random((50, len(PART_OF_ANGLE)))
+    twin = [confidence[:, part == PART_OF_ANGLE].min(axis=1) for part in range(len(PARTS))]
+    np.testing.assert_array_equal(_least_of_parts(confidence, PART_OF_ANGLE), np.transpose(twin))
 
 
 @settings(deadline=None)  # the first compiles

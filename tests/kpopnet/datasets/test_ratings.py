@@ -65,6 +65,13 @@ def test_hostile_files_are_refused_in_one_line(tmp_path, text, message):
     assert "\n" not in str(caught.value) and str(path) in str(caught.value)
 
 
+@pytest.mark.parametrize("name", ["eve 2", "Zoé", "Zoe\u0301", "พิมพ์", "नीता"])
+def test_names_of_any_script_are_names(tmp_path, name):
+    path = ratings_path(tmp_path, name)
+    write_ratings(path, [])
+    assert path.stem == name and read_ratings(path, DANCES) == []
+
+
 @pytest.mark.parametrize("name", ["", "../eve", ".eve", "eve\n", "a\\b", "x" * 300])
 def test_what_is_no_name_never_becomes_a_path(tmp_path, name):
     with pytest.raises(InputError, match="a rater's name"):
