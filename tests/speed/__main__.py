@@ -23,7 +23,9 @@ LIMITS = {  # what the project promises: at least, at most
     "tracker.fps": (100, None),  # the finder of people takes most of it
     "finder.frame_ms": (None, 4),
     "paper_extraction.frame_ms": (None, 3.3),
+    "network.onnx_ms": (None, 2),
     "network.path_fps": (100, None),
+    "network.path_fps_best": (100, None),
     "dance.online_ms_p95": (None, 2),
     "synth.cpu_vs_gl": (1, None),
     "synth.memory_mb": (None, 700),

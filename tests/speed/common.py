@@ -1,4 +1,4 @@
-"""What several measures need: times, one core, a small set of real samples, an untrained network.
+"""What several measures need: times, one core, a small set of real samples.
 
 Libraries are imported where they are needed: one measure is of the memory of its process.
 """
@@ -48,13 +48,3 @@ def generated_set(folder: Path, count: int, shards: int = 1, source: str = "mix"
     for shard in range(shards):
         write_shard(config, folder, shard)
     return ShardedSet(folder)
-
-
-def untrained(folder: Path) -> Path:
-    """A checkpoint of the default network with depth and ridge; its random weights do not change its speed."""
-    from kpopnet.networks import ModelConfig
-    from kpopnet.networks.checkpoint import save_checkpoint
-    from kpopnet.networks.network import build_network
-
-    meta = {"step": 0, "config": {}, "metrics": {}}
-    return save_checkpoint(folder, build_network(ModelConfig(input="depth_ridge")), {}, meta, best=True)

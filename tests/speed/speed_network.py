@@ -1,18 +1,15 @@
-"""What a crop costs a network by torch and by ONNX Runtime, and how fast the pose estimator is with it."""
+"""What a crop costs the shipped network by torch and by ONNX Runtime, and how fast the pose estimator is with it."""
 
-import tempfile
-from pathlib import Path
 from statistics import median
 
 import numpy as np
 from stand_ins import film_of
 
-from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.networks.onnx_export import export_network
 from kpopnet.pose import PoseEstimator
+from kpopnet.weights import FOLDER
 from synth.simulated.stand_ins import EvalSim, EvalSimConfig
-from tests.speed.common import Figures, one_core, timed, untrained
+from tests.speed.common import Figures, one_core, timed
 
 CROPS, ROUNDS = 20, 15
 FRAMES, SETTLED = 150, 30
@@ -20,24 +17,20 @@ FRAMES, SETTLED = 150, 30
 
 def measure() -> Figures:
     """On one core."""
-    with tempfile.TemporaryDirectory() as folder:
-        network = NetworkEstimator(checkpoint := untrained(Path(folder)))
-        exported = Path(folder) / "pose.onnx"
-        export_network(*load_network(checkpoint), exported)
-        as_shipped = NetworkEstimator(exported)
-        backends = {"network.ms": network.backend, "network.onnx_ms": as_shipped.backend}
+    shipped = NetworkEstimator()
+    backends = {"network.ms": NetworkEstimator(FOLDER).backend, "network.onnx_ms": shipped.backend}
     with one_core():
-        return _crops(backends, network.model.crop_px) | _frames(as_shipped)
+        return _crops(backends, shipped.model.crop_px) | _frames(shipped)
 
 
 def _crops(backends: dict, crop_px: int) -> Figures:
     """A single crop, by the backends in turns."""
-    crop = np.random.default_rng(0).uniform(-1, 1, (1, 2, crop_px, crop_px)).astype(np.float32)
+    crop = np.random.default_rng(0).uniform(-1, 1, (1, 1, crop_px, crop_px)).astype(np.float32)
     times_ms: dict[str, list[float]] = {name: [] for name in backends}
     for _ in range(ROUNDS):
         for name, run in backends.items():
             times_ms[name] += [timed(run, crop)[0] for _ in range(CROPS)]
-    against = f"one crop of {crop_px} px, depth and ridge, one core"
+    against = f"one crop of {crop_px} px, one core"
     return {name: (median(values), "ms of CPU", against) for name, values in times_ms.items()}
 
 
