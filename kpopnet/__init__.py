@@ -12,10 +12,35 @@ Conventions throughout the package:
 - Quaternions are w, x, y, z.
 """
 
+import atexit
+import contextlib
 import os
+import shutil
+import tempfile
+from pathlib import Path
 
 # By default OpenMP threads spin while they wait. A training step then takes up to ten times as long when the cores have
 # other work, such as preparing batches. The variable must be set before torch is loaded.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 __version__ = "0.1.0"
+
+
+def _keep_kernels_somewhere() -> None:
+    """Where neither this folder nor the user's cache can be written, numba keeps compiled kernels in a folder of this process.
+
+    It would not load a module without one. They are compiled anew then whenever a program starts.
+    """
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return
+    for folder in (Path(__file__).parent / "__pycache__", Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")) / "numba"):
+        with contextlib.suppress(OSError, RuntimeError):  # RuntimeError: a user without a home
+            folder.expanduser().mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder.expanduser()).close()
+            return
+    os.environ["NUMBA_CACHE_DIR"] = folder = tempfile.mkdtemp(prefix="kpopnet-kernels-")
+    process = os.getpid()
+    atexit.register(lambda: os.getpid() == process and shutil.rmtree(folder, ignore_errors=True))
+
+
+_keep_kernels_somewhere()

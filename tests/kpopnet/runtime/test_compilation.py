@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from programs import ROOT
@@ -43,3 +44,28 @@ def test_the_first_use_of_a_kernel_is_announced_once_and_another_core_compiles_b
     notice, first, *rest = done.stderr.splitlines()
     assert notice.startswith("compiling kernels for this machine") and first.endswith("kernel 1: kernel")
     assert len(rest) <= 1  # a line a second at most, and none for what a kernel calls
+
+
+READ_ONLY = """
+import errno
+import os
+import tempfile
+made = tempfile.TemporaryFile
+def refusing(*given, **named):
+    if str(named.get("dir")).startswith(tempfile.gettempdir()):
+        return made(*given, **named)
+    raise OSError(errno.EROFS, "read-only")
+tempfile.TemporaryFile = refusing
+import kpopnet
+import kpopnet.data.cube
+print(os.environ["NUMBA_CACHE_DIR"], os.path.isdir(os.environ["NUMBA_CACHE_DIR"]))
+"""
+
+
+def test_where_nothing_can_be_written_kernels_are_kept_as_long_as_the_process(tmp_path):
+    """As in a container without a home whose image is read-only."""
+    environment = os.environ | {"XDG_CACHE_HOME": "/dev/null/nowhere", "TMPDIR": str(tmp_path)}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    told = subprocess.check_output([sys.executable, "-c", READ_ONLY], cwd=ROOT, env=environment, text=True)
+    folder, was_there = told.split()
+    assert was_there == "True" and Path(folder).parent == tmp_path and not Path(folder).exists()
