@@ -85,9 +85,10 @@ def read_recording(path: Path) -> Recording:
             file.seek(begin + number * size)
             times_s.append(HEAD.unpack(file.read(HEAD.size))[0])
     known = [number for number, time_s in enumerate(times_s) if math.isfinite(time_s)]
-    lasts_s = times_s[known[-1]] - times_s[known[0]] if known else 0.0
     camera, lens = header.optics
-    fps = (known[-1] - known[0]) / lasts_s if lasts_s > 0 else None
+    # By the median step, as of other recordings: a sender may have paused.
+    steps_s = np.diff(np.array(times_s)[known]) / np.diff(known)
+    fps = float(1 / np.median(steps_s)) if len(steps_s) and np.median(steps_s) > 0 else None
     has_clock = len(known) == frames
     return Recording(lambda: _images(path, has_clock), camera.width, camera.height, frames, fps, camera, lens)
 

@@ -97,6 +97,14 @@ def test_a_file_gives_what_was_sent(tmp_path):
         np.testing.assert_allclose(times_s, np.arange(len(IMAGES)) / FPS, atol=1e-6)
 
 
+def test_a_pause_of_the_sender_is_no_slower_rate(tmp_path):
+    at_s = 5 + np.arange(len(IMAGES)) / FPS + np.where(np.arange(len(IMAGES)) > 2, 60, 0)
+    (tmp_path / "a.depth").write_bytes(sent_line() + b"".join(map(sent_image, IMAGES, at_s)))
+    source = open_depth(tmp_path / "a.depth")
+    assert source.fps == pytest.approx(FPS)
+    np.testing.assert_allclose([one.time_s for one in source.timed()], at_s - 5, atol=1e-6)
+
+
 def test_images_arrive_bit_for_bit_with_their_times(sender):
     camera = sender.camera(sent_line())
     assert camera.camera == CAMERA
