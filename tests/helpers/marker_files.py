@@ -5,8 +5,10 @@ import struct
 import numpy as np
 
 
-def write_c3d(path, points_mm, names, fps=100.0, integers=False, labels=None):
-    """Writes (T, P, 3) points, NaN where missing, as 32-bit numbers, or as integers of a fifth of a millimetre."""
+def write_c3d(path, points_mm, names, fps=100.0, integers=False, labels=None, first=None):
+    """Writes (T, P, 3) points, NaN where missing, as 32-bit numbers, or as integers of a fifth of a millimetre; their first
+    frame has a number in the trial if that is given.
+    """
     frames, count = points_mm.shape[:2]
     scale = 0.2 if integers else -0.2
     labels = names if labels is None else labels
@@ -27,11 +29,16 @@ def write_c3d(path, points_mm, names, fps=100.0, integers=False, labels=None):
             parameter(1, b"LABELS", -1, [width, len(labels)], text),
         ]
     )
+    if first is not None:
+        ends = {b"ACTUAL_START_FIELD": first, b"ACTUAL_END_FIELD": first + frames - 1}
+        trial = [parameter(2, name, 2, [2], struct.pack("<I", number)) for name, number in ends.items()]
+        groups = struct.pack("<bb5shB", 5, -2, b"TRIAL", 3, 0) + groups + b"".join(trial)
     blocks = -(-(len(groups) + 6) // 512)
     groups = groups.replace(
         b"DATA_START" + struct.pack("<hbBh", 7, 2, 0, 0), b"DATA_START" + struct.pack("<hbBh", 7, 2, 0, 2 + blocks)
     )
-    header = struct.pack("<BBHHHHHfHHf", 2, 0x50, count, 0, 1, frames, 0, scale, 2 + blocks, 0, fps).ljust(512, b"\0")
+    first, last = (min(number, 65535) for number in (first or 1, (first or 1) + frames - 1))
+    header = struct.pack("<BBHHHHHfHHf", 2, 0x50, count, 0, first, last, 0, scale, 2 + blocks, 0, fps).ljust(512, b"\0")
     parameters = (struct.pack("<BBBB", 1, 0x50, blocks, 84) + groups).ljust(512 * blocks, b"\0")
     seen = np.isfinite(points_mm).all(axis=-1, keepdims=True)
     values = np.append(np.where(seen, points_mm, 0), np.where(seen, 0, -1), axis=-1)

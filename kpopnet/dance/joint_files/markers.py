@@ -14,7 +14,21 @@ from kpopnet.runtime.provenance import optional_library
 def read_c3d(path: Path) -> NamedPoints:
     """The points of a C3D file by their labels; raises InputError if it is damaged or truncated."""
     with optional_library(str(path), "c3d", "c3d"):
-        from c3d import Reader
+        import c3d
+
+    class Reader(c3d.Reader):
+        """The library's, whose numbers of frames overflow from 65,536 on."""
+
+        @property
+        def first_frame(self) -> int:
+            start = self.get("TRIAL:ACTUAL_START_FIELD")
+            low, high = (self.header.first_frame, 0) if start is None else start.uint16_array[:2]
+            return int(low) + 65536 * int(high)
+
+        @property
+        def last_frame(self) -> int:
+            return int(super().last_frame)
+
     data = read_with(Path.read_bytes, path, "cannot be read")
     with parsing(path, "not a readable C3D file"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that it has no analog data, above all

@@ -43,6 +43,12 @@ def test_joint_centres_become_joints(tmp_path, expected, name):
     np.testing.assert_allclose(read.times_s, expected.times_s, atol=1e-4)
 
 
+@pytest.mark.parametrize("first", [1, 60000, 65535 - FRAMES, 65536 - FRAMES, 65500, 65535, 65536, 70000, 200000])
+def test_a_cut_of_a_long_capture_is_read_whatever_the_numbers_of_its_frames(tmp_path, expected, first):
+    read = read_performance(write_c3d(tmp_path / "a.c3d", POINTS_MM, NAMES, first=first))
+    np.testing.assert_allclose(read.joints_m, expected.joints_m, atol=2e-4)
+
+
 def test_a_joint_map_says_which_points_are_which_joints(tmp_path, expected):
     left = list(person()).index("LEFT_HAND")
     apart_mm = np.array([0.0, 0.0, 40.0])
