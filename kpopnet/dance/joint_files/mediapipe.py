@@ -28,6 +28,10 @@ from kpopnet.networks.lifting import HIPS, Lifting, Sighting, sighting
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.weights import shipped
 
+OF_PICTURE = (
+    "points in shares of a picture's width and height, as of pose_landmarks; a score needs MediaPipe's pose_world_landmarks"
+)
+
 WEBCAM = "webcam"
 """Name of the noise of these joints."""
 
@@ -148,10 +152,7 @@ def lifted(recorded: NamedPoints, fps: float | None, source: str) -> Performance
     """
     joints, _ = named_joints(recorded, source)
     if _are_of_picture(joints[np.isfinite(joints).all(axis=(1, 2)), :, :2]):
-        raise InputError(
-            f"{source}: points in shares of a picture's width and height, as of pose_landmarks; a score needs "
-            "MediaPipe's pose_world_landmarks"
-        )
+        raise InputError(f"{source}: {OF_PICTURE}")
     unit, to_y_up = upright(joints, source)
     names = [plain_name(name) for name in recorded.names]
     order = [names.index(plain_name(name)) for name in MEDIAPIPE_NAMES]

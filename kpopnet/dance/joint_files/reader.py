@@ -10,7 +10,7 @@ from kpopnet.dance.joint_files import amass
 from kpopnet.dance.joint_files.bvh_motion import BvhMotion, bvh_points, read_bvh_group
 from kpopnet.dance.joint_files.gltf import read_gltf
 from kpopnet.dance.joint_files.markers import read_c3d, read_npy, read_trc
-from kpopnet.dance.joint_files.mediapipe import is_mediapipe, lifted
+from kpopnet.dance.joint_files.mediapipe import OF_PICTURE, is_mediapipe, lifted
 from kpopnet.dance.joint_files.points import (
     COCO_NAMES,
     MEDIAPIPE_NAMES,
@@ -185,6 +185,8 @@ def _read_json(path: Path) -> NamedPoints:
         )
         images = [one.points[..., :2] for one in in_picture if one.names == found.names]
         return found._replace(image=images[0]) if images else found
+    if picture is not None and not any("joints" in frame for frame in content["frames"]):
+        raise InputError(f"{where}: {OF_PICTURE}")
     if "joint_names" in content:
         return _azure_points(content["joint_names"], content["frames"], where)
     return joint_points(content["frames"], fps, where)

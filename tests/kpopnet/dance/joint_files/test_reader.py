@@ -194,6 +194,9 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path, cha
     (tmp_path / "picture.csv").write_text(lines(mediapipe() * 0.4 + [0.5, 0.5, 0.0]))
     with pytest.raises(InputError, match=r"picture\.csv: points in shares .* needs MediaPipe's pose_world_landmarks"):
         read_performance(tmp_path / "picture.csv")
+    write_landmarks(tmp_path / "picture.json", pose_landmarks=mediapipe()[..., :2] + 0.5)
+    with pytest.raises(InputError, match=r"picture\.json: points in shares .* needs MediaPipe's pose_world_landmarks"):
+        read_performance(tmp_path / "picture.json")
     both = lines(mediapipe()).replace("x,y,z", "world_x,world_y,world_z,x,y,z").replace(",0.8\n", ",0.5,0.5,0,0.8\n")
     (tmp_path / "both.csv").write_text(both)  # where they are in the picture, too
     np.testing.assert_array_equal(read_performance(tmp_path / "both.csv").joints_m, read.joints_m)
