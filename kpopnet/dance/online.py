@@ -97,6 +97,7 @@ class OnlineScorer:
             self._skip(min(self._first, len(self._grid.frames)))
         self._given, self._is_observed = self._given + 1, self._is_observed or bool(confidence.any())
         self._samples.append((time_s, joints_m, confidence))
+        self._forget_samples()
         self._score_frames(time_s - self.lag_s, len(self._grid.frames))
         return self._latest
 
@@ -145,9 +146,8 @@ class OnlineScorer:
     def _score_frames(self, before_s: float, stop: int) -> None:
         """Adds the grid's frames before a time in seconds and the frame `stop`, and scores the window that ends with them."""
         new = 0
-        while self._next < stop and (at_s := float(self._grid.time_s(self._next))) < before_s:
-            while len(self._samples) > 1 and self._samples[0][0] < at_s - self.lag_s:
-                self._samples.popleft()
+        while self._next < stop and float(self._grid.time_s(self._next)) < before_s:
+            self._forget_samples()
             self._frames.append(self._frame(self._next))
             self._next, new = self._next + 1, new + 1
         if not new:
@@ -162,6 +162,13 @@ class OnlineScorer:
         self._latest = self._score(self._next - 1, window)
         if (len(self._shown.kept) > kept and self.scorer.mirrored == "auto") or self._behind >= MOST_BEHIND:
             self._catch_up()
+
+    def _forget_samples(self) -> None:
+        """Drops the samples that the next frame is not computed from, but for the last one; after the dance all others."""
+        of_dance = self._next < len(self._grid.frames)
+        since_s = float(self._grid.time_s(self._next)) - self.lag_s if of_dance else math.inf
+        while len(self._samples) > 1 and self._samples[0][0] < since_s:
+            self._samples.popleft()
 
     def _catch_up(self) -> None:
         """Adds to the comparison that is not shown the frames that it lacks; from now on the preferred one is shown."""

@@ -244,6 +244,14 @@ def test_no_frames_are_kept_for_the_end_of_the_dance(mirrored):
     assert len(online._frames) <= online._history + MOST_BEHIND
 
 
+def test_no_samples_are_kept_of_the_time_before_the_dance_and_after_it():
+    online = OnlineScorer(performed(JOINTS_M))
+    for time_s in np.arange(-30, len(JOINTS_M) / FPS + 30, 1 / FPS):
+        online.update(JOINTS_M[int(np.clip(time_s * FPS, 0, len(JOINTS_M) - 1))], float(time_s))
+        assert len(online._samples) < 30
+    assert online.finish().similarity > 99
+
+
 @pytest.mark.parametrize("scorer", [OURS, SCORERS["paper"]])
 def test_a_learner_who_joins_late_and_leaves_early_scores_the_same_online(scorer):
     teacher_m, frames = dance_joints_m(1), np.arange(100, 260)
