@@ -27,7 +27,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     write into one folder. Raises OSError: a full or read-only disk, a missing folder, a name that is too long.
     """
     part = path.with_name(hidden_name(path.name))
-    with naming(path):
+    with naming(path, part):
         try:
             yield part
             sync(part)
@@ -83,12 +83,12 @@ def sync(path: Path) -> None:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Adds this file's name to errors of the file system that name no file, as those of a full disk."""
+def naming(path: Path, part: Path | None = None) -> Iterator[None]:
+    """Gives this file's name to errors of the file system that name no file, as those of a full disk, or its hidden `part`."""
     try:
         yield
     except OSError as error:
-        if error.errno is None or error.filename is not None:
+        if error.errno is None or error.filename not in (None, part and str(part)):
             raise
         raise OSError(error.errno, error.strerror or "", str(path)) from error
 

@@ -137,8 +137,7 @@ def _message(error: Exception) -> str | None:
 
 def of_the_disk(error: OSError) -> str:
     """What happened to a file, and what the user can do about it."""
-    name = error.filename2 or error.filename  # of one that is moved the name that it should have
-    path = "a file" if name is None else os.fsdecode(name)
+    path = "a file" if error.filename is None else os.fsdecode(error.filename)
     path = path if len(path) <= 300 else f"{path[:150]}...{path[-100:]}"
     number = error.errno or errno.EIO
     return f"{path}: {REMEDIES.get(number, os.strerror(number).lower())}"

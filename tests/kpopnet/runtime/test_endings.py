@@ -68,6 +68,9 @@ def test_a_program_without_a_console_ends_well():
 def test_a_folder_where_a_file_should_be_is_named_by_its_own_name(tmp_path):
     writing = f"from pathlib import Path; import kpopnet.runtime.atomic_write as a; a.write_json(Path({str(tmp_path)!r}), 1)"
     assert ended(writing)[0] == f"error: {tmp_path}: is a directory\n".encode()
+    missing = tmp_path / "missing" / "a.npz"
+    writing = f"from pathlib import Path; import kpopnet.runtime.atomic_write as a; a.write_npz(Path({str(missing)!r}))"
+    assert ended(writing)[0] == f"error: {missing}: no such file or directory\n".encode()
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
