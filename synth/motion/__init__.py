@@ -72,6 +72,16 @@ class MotionConfig:
                 )
             if self.weights.get("clips", 0) > 0 and self.path is None:
                 raise InputError("motion.weights.clips is above 0: set motion.path, or motion.weights.clips=0")
+        if self.path is not None and not self.uses_clips:
+            raise InputError(
+                f"motion.path={self.path}: no motion would be taken from it; choose motion=clips, or motion=mix with a weight, "
+                "motion.weights.clips=0.5"
+            )
+
+    @property
+    def uses_clips(self) -> bool:
+        """Whether motions are taken from recordings."""
+        return self.source == "clips" or (self.source == "mix" and self.weights.get("clips", 0) > 0)
 
 
 class MixedPoses:
@@ -100,8 +110,7 @@ def identity_of_recordings(config: MotionConfig) -> dict[str, str]:
 
     Empty without any. It is empty for a motion pack too, of whose sets on disk the path alone is the identity.
     """
-    uses_clips = config.source == "clips" or (config.source == "mix" and config.weights.get("clips", 0) > 0)
-    digest = bvh_digest(config.path) if uses_clips and config.path is not None else None
+    digest = bvh_digest(config.path) if config.uses_clips and config.path is not None else None
     return {} if digest is None else {"bvh_files": digest}
 
 
@@ -121,5 +130,7 @@ def build_motion(config: MotionConfig, split: str) -> MotionSource:
     if config.source == "poses":
         return ProceduralPoses()
     weights = {name: weight for name, weight in sorted(config.weights.items()) if weight > 0}  # the order says nothing
-    sources = [build_motion(replace(config, source=name), split) for name in weights]
+    recorded = {"path": config.path, "fps": config.fps}
+    parts = [replace(config, source=name, **(recorded if name == "clips" else dict.fromkeys(recorded))) for name in weights]
+    sources = [build_motion(part, split) for part in parts]
     return MixedPoses(sources, list(weights.values()))

@@ -98,6 +98,15 @@ def test_every_split_gets_a_file_of_eight_whatever_their_names(tmp_path):
     assert [len(used[split]) for split in SPLITS] == [6, 1, 1] and len(set().union(*used.values())) == 8
 
 
+@pytest.mark.parametrize("settings", [{}, {"source": "choreography"}, {"weights": {"poses": 1.0, "clips": 0.0}}])
+def test_a_path_that_no_motion_would_be_taken_from_is_refused(tmp_path, settings):
+    write_bvh(tmp_path / "a.bvh", STILL)
+    with pytest.raises(InputError, match=r"no motion would be taken from it; choose motion=clips"):
+        MotionConfig(path=str(tmp_path), **settings)
+    mixed = MotionConfig(path=str(tmp_path), fps=25.0, weights={"poses": 1.0, "choreography": 1.0, "clips": 1.0})
+    build_motion(mixed, "train")
+
+
 def test_a_set_is_identified_by_its_bvh_files_beside_their_path(tmp_path, pack):
     write_bvh(tmp_path / "a.bvh", STILL)
 
@@ -115,7 +124,7 @@ def test_a_set_is_identified_by_its_bvh_files_beside_their_path(tmp_path, pack):
     assert identities(tmp_path) == before
     # Sets on disk that were made from a motion pack are known by its path alone.
     assert identity_of_recordings(MotionConfig(source="clips", path=str(pack))) == {}
-    assert identity_of_recordings(MotionConfig(source="choreography", path=str(tmp_path))) == {}
+    assert identity_of_recordings(MotionConfig(source="choreography")) == {}
 
 
 def test_a_path_without_motion_is_refused_with_the_remedy(tmp_path):
