@@ -19,7 +19,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.data.made_sets import located, made_files
 from kpopnet.data.observation import Observation
-from kpopnet.runtime.hdf5_files import Hdf5Schema, opened_hdf5, read_array, readable, stored_array
+from kpopnet.runtime.hdf5_files import Hdf5Schema, kept_open, opened_hdf5, read_array, readable, stored_array
 from kpopnet.runtime.input_files import ArraySchema, expect
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -75,9 +75,7 @@ class PersonCrops:
         """See `kpopnet.data.observation.ObservationSource`."""
         del epoch
         number, row = located(self._ends, index)
-        if number not in self._open:
-            self._open[number] = _File(self.paths[number])
-        file = self._open[number]
+        file = kept_open(self._open, number, lambda: _File(self.paths[number]))
         camera = Camera.from_numbers(file.cameras[row].tolist(), str(file.path))
         with readable(file.path, SCHEMA):
             pixels_mm = file.pixels_mm[file.starts[row] : file.starts[row + 1]]

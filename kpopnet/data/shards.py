@@ -33,7 +33,16 @@ import numpy as np
 from kpopnet.camera import Camera
 from kpopnet.data.made_sets import located
 from kpopnet.errors import InputError
-from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, opened_hdf5, read_array, readable, stored_array
+from kpopnet.runtime.hdf5_files import (
+    Hdf5Schema,
+    attributes_of,
+    kept_open,
+    open_hdf5,
+    opened_hdf5,
+    read_array,
+    readable,
+    stored_array,
+)
 from kpopnet.runtime.input_files import ArraySchema, expect, parse_json
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
@@ -176,9 +185,7 @@ class ShardedSet:
         if not 0 <= index < len(self):
             raise IndexError(f"sample {index} of {len(self)}")
         shard, row = located(self._ends, index)
-        if shard not in self._open:
-            self._open[shard] = _OpenShard(self.paths[shard])
-        return self._open[shard], row
+        return kept_open(self._open, shard, lambda: _OpenShard(self.paths[shard])), row
 
     def __getitem__(self, index: int) -> Sample:
         shard, row = self._locate(index)

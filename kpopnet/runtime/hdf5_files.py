@@ -3,11 +3,12 @@
 Files on one's own disk are opened in this process. Those of strangers are read by `kpopnet.runtime.untrusted`.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import h5py
 import numpy as np
@@ -77,6 +78,34 @@ def read_array(file: h5py.File, name: str) -> np.ndarray:
     check_budget(file.filename, data.size * data.dtype.itemsize, f"{name} {data.shape}")
     values = data[()]
     return values.astype(values.dtype.newbyteorder("="), copy=False)
+
+
+class Kept(Protocol):
+    """What holds an open file."""
+
+    file: h5py.File
+
+
+K = TypeVar("K", bound=Kept)
+
+
+def kept_open(files: dict[int, K], number: int, opened: Callable[[], K]) -> K:
+    """The file of a number among those that are open, opened if it is not; of too many the one used longest ago is closed."""
+    files[number] = file = files.pop(number, None) or opened()
+    if len(files) > most_open():
+        files.pop(next(iter(files))).file.close()
+    return file
+
+
+@cache
+def most_open() -> int:
+    """Half of the files that a process may have open: loaders of data share memory by files, too."""
+    try:
+        import resource  # not on every system
+    except ImportError:
+        return 200
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    return max(most // 2, 1) if most > 0 else 10_000  # -1: as many as one likes
 
 
 def readable(path: Path, schema: Hdf5Schema) -> AbstractContextManager:

@@ -48,6 +48,17 @@ def test_invalid_attributes_are_refused(shard, name, value, message):
         read_everything(shard)
 
 
+def test_of_many_shards_few_are_open_and_all_can_be_read(tmp_path, monkeypatch):
+    monkeypatch.setattr("kpopnet.runtime.hdf5_files.most_open", lambda: 3)
+    for number in range(8):
+        write_shard(tmp_path, number, camera=CAMERA, kind="frozen")
+    shards = ShardedSet(tmp_path)
+    first = [shards[index].depth_mm for index in range(len(shards))]
+    for index in np.random.default_rng(0).permutation(len(shards)):
+        np.testing.assert_array_equal(shards[index].depth_mm, first[index])
+        assert len(shards._open) <= 3 and all(one.file.id.valid for one in shards._open.values())
+
+
 def test_a_damaged_chunk_is_refused(shard):
     with h5py.File(shard, "a") as file:
         file["depth_mm"].id.write_direct_chunk((1, 0, 0), b"not zlib")
