@@ -102,6 +102,12 @@ def test_a_run_begins_with_the_weights_of_another(place, general):
     begun = meta["config"]
     assert begun["training"]["start"] == "general/best"
     assert begun["ridge"] == {"epsilon_r": 0.6, "edge_threshold_m": 0.08, "sharpness": 4}  # what was not said otherwise
+    meta_path = shutil.copytree(place / "general/best", place / "other_ridge", symlinks=False) / "meta.json"
+    content = json.loads(meta_path.read_text())
+    content["config"]["ridge"]["window"] = 3
+    meta_path.write_text(json.dumps(content))
+    refused = run(place, "training.start=other_ridge", "hydra.run.dir=third").stderr
+    assert refused.startswith("error: other_ridge: its ridge settings") and refused.count("\n") == 1
 
 
 def test_a_torn_shard_in_the_middle_of_a_training_is_named(place):

@@ -46,6 +46,7 @@ from kpopnet.ridge import RidgeConfig
 from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.hydra_app import OutputFolder, command_line_settings, entry_point, register_choices, resumed_config
+from kpopnet.runtime.input_files import settings_from
 from kpopnet.training.finder import FinderTraining, train_finder
 from kpopnet.training.loop import RunConfig, refuse_other_run, train
 from synth.samples.observe import ExtractionConfig, Observer
@@ -189,7 +190,10 @@ def as_started_from(config: NetworkTrainingConfig) -> NetworkTrainingConfig:
     return replace(
         config,
         model=ModelConfig(**(meta["model"] | {name: getattr(config.model, name) for name in model})),
-        ridge=RidgeConfig(**(meta["config"].get("ridge", {}) | {name: getattr(config.ridge, name) for name in ridge})),
+        ridge=replace(
+            settings_from(RidgeConfig, meta["config"].get("ridge", {}), f"{config.training.start}: its ridge settings"),
+            **{name: getattr(config.ridge, name) for name in ridge},
+        ),
     )
 
 
