@@ -84,6 +84,14 @@ class PaperTrackerConfig:
                 f"sufficient above 0, found {self.r_m}, {self.epsilon_m}, {self.straightness}, {self.epsilon_r} and "
                 f"{self.sufficient}"
             )
+        if self.repaired and (self.epsilon_r, self.sufficient, self.lost) != _PRINTED:
+            raise InputError(
+                "estimator.paper_tracker: repaired takes epsilon_r, sufficient and lost from kpopnet.paper_tracker.repairs; "
+                "leave them out"
+            )
+
+
+_PRINTED = PaperTrackerConfig.epsilon_r, PaperTrackerConfig.sufficient, PaperTrackerConfig.lost
 
 
 class PaperTracker:

@@ -7,6 +7,7 @@ import pytest
 from cone_people import error_m
 from stand_ins import film_of
 
+from kpopnet.errors import InputError
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig, PaperTrackerEstimator
 from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 
@@ -43,3 +44,10 @@ def test_only_label_is_given_the_true_pose_and_waits_for_it(simulated) -> None:
         for image in depth:  # from the Y pose on
             tracker.track(image)
         assert tracker.started == starts
+
+
+@pytest.mark.parametrize("settings", [{"epsilon_r": 0.5}, {"sufficient": 3}, {"lost": "carried"}])
+def test_settings_that_the_repaired_tracker_would_not_use_are_refused(settings):
+    PaperTrackerConfig(**settings)
+    with pytest.raises(InputError, match="repaired takes epsilon_r, sufficient and lost from"):
+        PaperTrackerConfig(repaired=True, **settings)
