@@ -149,6 +149,9 @@ class RunConfig:
         check_between("threads", self.threads, 0, 1e6)
         if self.training.small_crops.share and self.model.kind != "dense":
             raise InputError(f"training.small_crops: a {self.model.kind} network takes crops of one size; set its share to 0")
+        if self.training.small_crops.share and self.training.small_crops.crop_px >= self.model.crop_px:
+            side = f"training.small_crops.crop_px={self.training.small_crops.crop_px}"
+            raise InputError(f"{side}: expected less than model.crop_px={self.model.crop_px}, or a share of 0")
 
 
 def progress_bar(steps: int, done: int) -> tqdm:

@@ -40,7 +40,8 @@ def run_short(out, *configs, **settings):
     return train(short_run(*configs, **settings), PEOPLE, OTHERS, out)
 
 
-SMALL_FIRST = replace(SHORT, optimiser="muon", small_crops=SmallCropsConfig(share=0.5, crop_px=48))
+SMALL_FIRST = replace(SHORT, optimiser="muon", small_crops=SmallCropsConfig(share=0.5, crop_px=32))
+LARGER = replace(MODEL, crop_px=48)
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,7 @@ def finished(tmp_path_factory):
 
 @pytest.mark.parametrize(("kind", "config", "workers"), [("holistic", SHORT, 0), ("dense", SMALL_FIRST, 1)])
 def test_a_resumed_run_equals_an_uninterrupted_run_with_other_workers(tmp_path, kind, config, workers):
-    model = replace(MODEL, kind=kind)
+    model = replace(LARGER if config is SMALL_FIRST else MODEL, kind=kind)
     whole = run_short(tmp_path / "whole", config, model, workers=workers)
 
     class StoppedError(Exception):
@@ -89,6 +90,9 @@ def test_small_crops_come_first_and_the_models_size_follows():
         short_run(SMALL_FIRST, replace(MODEL, kind="holistic"))
     with pytest.raises(InputError, match=r"small_crops\.share=1\.0: all 6 steps would take smaller crops"):
         replace(SHORT, small_crops=SmallCropsConfig(1.0, 48))
+    for crop_px in (32, 48):
+        with pytest.raises(InputError, match=rf"small_crops\.crop_px={crop_px}: expected less than model\.crop_px=32"):
+            short_run(replace(SHORT, small_crops=SmallCropsConfig(0.5, crop_px)))
     assert replace(SHORT, small_crops=SmallCropsConfig(0.95, 48)).small_steps == 5
 
 
@@ -100,10 +104,10 @@ def test_the_best_checkpoint_is_one_of_the_models_crops_however_small_the_errors
         return metrics | {"mean_error_cm": next(errors_cm)}, estimates
 
     monkeypatch.setattr(loop, "validate", scripted)
-    run_short(tmp_path / "one", SMALL_FIRST)  # validates after two steps, of smaller crops, four and six
+    run_short(tmp_path / "one", SMALL_FIRST, LARGER)  # validates after two steps, of smaller crops, four and six
     assert read_meta(tmp_path / "one/best")["step"] == 4
     errors_cm = iter((1.0, 2.0, 3.0))
-    run_short(tmp_path / "two", replace(SMALL_FIRST, steps=7, validate_every=3, small_crops=SmallCropsConfig(0.5, 48)))
+    run_short(tmp_path / "two", replace(SMALL_FIRST, steps=7, validate_every=3, small_crops=SmallCropsConfig(0.5, 32)), LARGER)
     assert read_meta(tmp_path / "two/best")["step"] == 6  # the last one, of one step more, is no other phase
 
 
