@@ -4,6 +4,7 @@ A kind of clutter is a function of a random generator that returns a mesh whose 
 """
 
 from collections.abc import Callable
+from functools import wraps
 
 import numpy as np
 
@@ -185,7 +186,11 @@ def row_of_parts(rng: np.random.Generator) -> Mesh:
 
 
 def of_boxes(furniture: Callable[[np.random.Generator], list[Box]]) -> Clutter:
-    return lambda rng: boxes(furniture(rng))
+    @wraps(furniture)
+    def thing(rng: np.random.Generator) -> Mesh:
+        return boxes(furniture(rng))
+
+    return thing
 
 
 CLUTTER: tuple[Clutter, ...] = (

@@ -1,4 +1,6 @@
-"""Clutter of the benchmark `rooms`: kinds of things that no training shows. A mesh stands on the floor at the origin, z up."""
+"""Clutter of the benchmark `rooms`: kinds of things that no training shows, but for the pillar and the curtain of DANCE_HALL:
+the finder's clutter has a pillar and a hanging cloth. A mesh stands on the floor at the origin, z up.
+"""
 
 import numpy as np
 

@@ -1,7 +1,8 @@
 """Simulated sequences of unseen people; the motion of each set is defined in its own module.
 
 No person, motion, room or noise of a benchmark is in a training set: its seeds are its own (`SetGenerator._rng`), its
-people are near other adults and wear other kinds of garments (`draw_person`), its rooms have other furniture (`DANCE_HALL`).
+people are near other adults and wear other kinds of tops and trousers (`draw_person`), its rooms have other furniture
+(`DANCE_HALL`). docs/generating.md says what both show.
 """
 
 from abc import abstractmethod
