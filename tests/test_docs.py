@@ -171,7 +171,7 @@ def test_the_worked_changes_apply_to_this_tree_touch_few_files_and_pass_their_te
     tests = re.findall(r"^\+\+\+ b/(tests/.*)", "\n".join(changes), re.MULTILINE)
     assert len(tests) == 3
     run = [sys.executable, "-m", "pytest", "-n0", "-q", "-p", "no:cacheprovider", *tests]
-    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "PYTEST_ADDOPTS": ""}
     done = subprocess.run(run, cwd=tmp_path, env=environment, text=True, capture_output=True)
     assert done.returncode == 0, done.stdout
 
