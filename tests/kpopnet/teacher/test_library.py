@@ -82,17 +82,19 @@ def test_nearest_frames_are_taken_at_a_constant_rate_of_at_most_15_minutes(libra
     assert len(at_rate(Performance(np.zeros((1, 15, 3)), np.array([3.0])), 30.0)) == 1
 
 
-def test_the_longest_and_the_shortest_dance_can_be_added_and_its_try_be_shown(library, tmp_path):
+def test_the_longest_and_the_shortest_dance_can_be_added_and_its_try_be_shown(library, tmp_path, monkeypatch):
+    for module in ("adding", "posing"):
+        monkeypatch.setattr(f"kpopnet.teacher.{module}.MAX_S", 90.0)
     mine = Library(tmp_path, library.body)
-    whole_m = np.resize(library.dance("dance_001").joints_m, (9002, 15, 3)).astype(np.float64)
-    for frames in (9001, 50):  # 900 s, and 4.9 s as of a cut of 5 s
+    whole_m = np.resize(library.dance("dance_001").joints_m, (903, 15, 3)).astype(np.float64)
+    for frames in (901, 50):  # 90 s, and 4.9 s as of a cut of 5 s
         performance = Performance(whole_m[:frames], np.arange(frames) / 10)
         identity = add_group(mine, [performance], "dance", "Long")
         lesson = Performance(whole_m[: frames + 1], np.arange(frames + 1) / 10 + 0.08)  # up to the image after the end
         assert len(learners_movement(lesson, mine.dance(identity).fps, mine.body).quats) == 3 * frames
-    for frames in (9003, 49):
-        with pytest.raises(InputError, match="a dance lasts 5 to 900 s"):
-            add_group(mine, [Performance(np.resize(whole_m, (frames, 15, 3)), np.arange(frames) / 10)], "dance", "Long")
+    for frames in (902, 49):
+        with pytest.raises(InputError, match="a dance lasts 5 to 90 s"):
+            add_group(mine, [Performance(whole_m[:frames], np.arange(frames) / 10)], "dance", "Long")
 
 
 SHOWN = {
