@@ -46,6 +46,9 @@ export class Lane {
       pen.fillStyle = colour(first ? "quiet" : "line");
       pen.fillRect(x - 1, first ? 0 : height * 0.86, first ? 3 : 2, height);
     }
+    const since = ((time_s / this.beat_s) % 1 + 1) % 1, wide = 3 + 5 * (1 - since) ** 2; // it beats
+    pen.fillStyle = colour("accent");
+    pen.fillRect(LINE * width - wide / 2, 0, wide, height); // behind the pose that is due
     for (const { at_s, points_cm } of this.moves) {
       const x = at(at_s), passed = (time_s - at_s) / this.beat_s;
       if (!inside(x) || at_s < from_s || at_s > to_s || passed > PASSED_BEATS) continue;
@@ -59,8 +62,5 @@ export class Lane {
       sketch(pen, points_cm, { x, y: height / 2, scale: size / 205, ink: colour(now ? "on-accent" : "ink"), mirrored });
     }
     pen.globalAlpha = 1;
-    const since = ((time_s / this.beat_s) % 1 + 1) % 1, wide = 3 + 5 * (1 - since) ** 2; // it beats
-    pen.fillStyle = colour("accent");
-    pen.fillRect(LINE * width - wide / 2, 0, wide, height);
   }
 }
