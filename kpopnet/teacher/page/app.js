@@ -27,7 +27,7 @@ async function show() {
     else if (kind === "me") end = await profilePage(place);
     else if (kind === "record") end = await record(place);
     else if (kind === "calibrate") end = await calibrate(place);
-    else if (kind === "dance") end = await stage(place, identity, new URLSearchParams(query));
+    else if (kind === "dance" && identity) end = await stage(place, identity, new URLSearchParams(query));
     else end = await menu(place);
     if (mine === turn) leave = end;
     else end();

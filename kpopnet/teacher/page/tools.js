@@ -16,8 +16,12 @@ export function el(tag, properties = {}, ...children) {
   return node;
 }
 
+function unanswered() {
+  throw new Error(say("the teacher's program does not answer; is it still running?"));
+}
+
 export async function ask(path, options = {}) {
-  const response = await fetch(path, options);
+  const response = await fetch(path, options).catch(unanswered);
   const type = response.headers.get("content-type") || "";
   const content = type.includes("json") ? await response.json() : { error: (await response.text()).trim() };
   if (!response.ok) throw new Error(say(content.error || response.statusText));
@@ -26,7 +30,7 @@ export async function ask(path, options = {}) {
 
 // Follows work on the server, which tells line by line how much of it is done, from 0 to 1, or what went wrong.
 export async function followed(path, signal, show) {
-  const response = await fetch(path, { method: "POST", signal });
+  const response = await fetch(path, { method: "POST", signal }).catch(unanswered);
   if (!response.ok) throw new Error(say((await response.json()).error));
   const reader = response.body.getReader(), letters = new TextDecoder();
   let text = "", done = 0;
@@ -39,7 +43,7 @@ export async function followed(path, signal, show) {
       show(done = fraction);
     }
   }
-  if (done < 1) throw new Error(say("the teacher's program does not answer; is it still running?"));
+  if (done < 1) unanswered();
 }
 
 export function unpacked(text, Kind) {

@@ -7,12 +7,18 @@ globalThis.localStorage = {
   getItem: (name) => (name in stored ? stored[name] : null),
   setItem: (name, value) => { stored[name] = String(value); },
 };
-const { clamp, clock, followed, keepLatency, keyOf, latencyOf, milliseconds, remember, remembered, shade, unpacked } =
+const { ask, clamp, clock, followed, keepLatency, keyOf, latencyOf, milliseconds, remember, remembered, shade, unpacked } =
   await import("../../../../kpopnet/teacher/page/tools.js");
 
 beforeEach(() => { stored = {}; });
 
-test("a time is minutes and seconds, never negative", () => {
+test("a program that is not running is told in the page's words", async () => {
+  globalThis.fetch = async () => { throw new TypeError("Failed to fetch"); };
+  for (const asked of [ask("/api/dances"), followed("/api/film", new AbortController().signal, () => {})])
+    await assert.rejects(asked, { message: "the teacher's program does not answer; is it still running?" });
+});
+
+test("a time is minutes and seconds", () => {
   assert.deepEqual([0, 5.4, 59.6, 61, 600, -0.4, -3, -64.6].map(clock), ["0:00", "0:05", "1:00", "1:01", "10:00", "0:00", "-0:03", "-1:05"]);
 });
 
