@@ -183,6 +183,7 @@ export async function stage(main, identity, wanted) {
 
   // The camera goes on watching for a hand that points, unless this view is left, or it was the camera that failed.
   function stop(message, watches = true) {
+    if (state.paused_s !== null) shown.words.textContent = ""; // how to go on
     Object.assign(state, { running: false, ready: false, start: 0, place: null, paused_s: null });
     delete main.dataset.busy;
     shown.beginNow.hidden = true;
@@ -193,7 +194,7 @@ export async function stage(main, identity, wanted) {
     parts.start.textContent = say("Start");
     hold(false);
     shown.preparing.hidden = true;
-    shown.count.textContent = "";
+    shown.count.textContent = shown.guide.textContent = "";
     shown.error.textContent = message;
   }
 
