@@ -3,7 +3,7 @@ import { BAR_BEATS, tapped } from "./beats.js";
 import { el, remember, remembered } from "./tools.js";
 import { say } from "./words.js";
 
-const ANALYSED_HZ = 22050, LOST_S = 2; // after this time without a tap another row of taps begins
+const ANALYSED_HZ = 22050, BPM = [20, 400], LOST_S = 2; // after this time without a tap another row of taps begins
 const audio = el("audio", { id: "song", controls: true, preload: "auto" });
 const song = { name: "", bpm: 0, one_s: 0 };
 let turn = 0; // of the songs that were chosen: what becomes known of an earlier one is dropped
@@ -53,6 +53,7 @@ export function songPanel(changed) {
 
   function keep(corrected) {
     if (!song.bpm && !corrected.bpm) return; // nothing to correct yet
+    if (corrected.bpm < BPM[0] || corrected.bpm > BPM[1] || corrected.one_s > audio.duration) return; // no dance follows it
     Object.assign(song, corrected);
     while (song.one_s < 0) song.one_s += BAR_BEATS * 60 / song.bpm; // a dance begins on a one that the song has
     remember(`song.${song.name}`, { bpm: song.bpm, one_s: song.one_s });
