@@ -160,6 +160,7 @@ def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float
     return {
         "total": rounded(score.total(counted, beats_s) if counted else score.similarity),
         "weights": counted,
+        "counted": {name: rounded(score.figures(beats_s)[name]) for name in counted},
         "uncertainty": None if counted else rounded(score.uncertainty),
         "free": {name: rounded(value) for name, value in score.free(beats_s).items()},
         "timing": rounded(score.timing),

@@ -22,7 +22,7 @@ export async function result(main, identity, name) {
   main.append(
     ...beside(found, identity),
     ...latency(found),
-    el("h2", {}, say("Your tries")), historyTable(history, identity, name),
+    el("h2", {}, say("Your tries")), historyTable(history, identity, name, dance.seconds),
     el("p", {}, say("Save as"), " ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
       ...filming.nodes),
     el("p", {}, el("a", { id: "again", href: `#/dance/${identity}?${asDanced(found)}` }, say("Dance again"))),
@@ -58,10 +58,10 @@ function formationOf(kept) {
 const listed = (figures) => Object.entries(figures).map(([name, value]) => `${say(name)} ${Math.round(value)}`).join(", ");
 
 // What the total consists of where the teacher chose it; place, height, lean and facing; what is left free. Tries of before lack some.
-function furtherOf({ weights = {}, stage = {}, on_stage = [], free = {} }) {
+function furtherOf({ weights = {}, counted = {}, stage = {}, on_stage = [], free = {} }) {
   const quiet = (id, text) => el("p", { class: "quiet", id }, text);
   return [
-    Object.keys(weights).length ? quiet("contains", say("The total, by weight: {weights}.", { weights: Object.entries(weights).map(([name, share]) => say("{what} {figure}", { what: say(name), figure: share })).join(", ") })) : "",
+    Object.keys(weights).length ? quiet("contains", say("The total, by weight: {weights}.", { weights: Object.entries(weights).map(([name, share]) => say("{what} {figure}", { what: say(name), figure: name in counted ? `${Math.round(counted[name])} (× ${share})` : share })).join(", ") })) : "",
     Object.keys(stage).length ? quiet("on-stage", say("On the stage, beside timing and posture: {figures}.", { figures: [listed(stage), ...on_stage.map((one) => say(one))].join("; ") })) : "",
     Object.keys(free).length ? quiet("in-free-parts", say("In the free parts: {figures}.", { figures: listed(free) })) : "",
   ];
@@ -80,7 +80,8 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
   const bars = partBars();
   main.append(
     el("h1", {}, say("{name}: {total} of 100",
-      { name: found.name, total: `${Math.round(found.total)}${found.uncertainty ? ` ± ${Math.round(found.uncertainty)}` : ""}` })),
+      { name: found.name, total: `${Math.round(found.total)}${found.uncertainty ? ` ± ${Math.round(found.uncertainty)}` : ""}` }),
+    el("small", { class: "quiet" }, isPart(found, dance.seconds) ? ` ${excerptOf(found, dance.seconds)}` : "")),
     el("div", { class: "numbers" }, number("total", found.total, say("total")), number("timing", found.timing, say("timing")),
       number("posture", found.posture, say("posture")), found.speed ? number("speed", 100 * found.speed, say("speed, %")) : null),
     bars.list,
@@ -161,10 +162,10 @@ export function part(tag, attributes, ...children) {
   return node;
 }
 
-// A line through the known values of a course; `x` and `y` place times and values.
+// A line through the known values of a course, with gaps where none is known; `x` and `y` place times and values.
 export function line(times_s, values, x, y) {
-  const points = times_s.map((time_s, i) => [time_s, values[i]]).filter(([, value]) => value !== null);
-  return part("polyline", { class: "line", points: points.map(([time_s, value]) => `${x(time_s)},${y(value)}`).join(" ") });
+  const steps = values.map((value, i) => value === null ? "" : `${i && values[i - 1] !== null ? "L" : "M"}${x(times_s[i])},${y(value)}`);
+  return part("path", { class: "line", d: steps.join("") });
 }
 
 const placed = (found, end_s) => (time_s) => 1000 * (time_s - found.from_s) / (end_s - found.from_s);
@@ -254,10 +255,13 @@ function film(base, name) {
   }
 }
 
-function historyTable(history, identity, name) {
+const isPart = ({ from_s, to_s }, seconds) => from_s > 0 || (to_s || seconds) < seconds;
+const excerptOf = ({ from_s, to_s }, seconds) => `${clock(from_s)} – ${clock(to_s || seconds)}`;
+
+function historyTable(history, identity, name, seconds) {
   return el("div", { class: "scroll" }, el("table", { id: "history" }, el("tbody", {}, ...history.map((one) => el("tr", {},
     el("td", {}, one.session === name ? say("this one") : el("a", { href: `#/dance/${identity}/try/${one.session}` }, when(one.session))),
-    el("td", {}, one.total === null ? "–" : String(Math.round(one.total))), el("td", {}, `${Math.round(100 * one.speed)} %`),
+    el("td", {}, one.total === null ? "–" : String(Math.round(one.total))), el("td", {}, excerptOf(one, seconds)), el("td", {}, `${Math.round(100 * one.speed)} %`),
     el("td", {}, one.source === "simulated" ? say("simulated, {skill}", { skill: say(`skill|${one.skill}`) }) : say(`source|${one.source}`)))))));
 }
 

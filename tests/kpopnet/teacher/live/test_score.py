@@ -223,6 +223,8 @@ def test_in_a_part_that_is_left_free_there_are_no_verdicts_and_the_total_is_the_
 
     result = danced(free, 30.0, to_s=6 * each_s)
     assert result["weights"] == about.weights and result["total"] > 95 and result["free"]["energy"] > 95
+    assert result["counted"].keys() == about.weights.keys()
+    assert result["total"] == pytest.approx(sum(result["counted"].values()) / 2, abs=0.1)
     assert danced(dance, 30.0, to_s=6 * each_s)["free"] == {}
     nothing = replace(dance, about=replace(about, free_s=[[0, 99]]))
     assert danced(nothing, 30.0, to_s=6 * each_s)["hints"] == ["all of this is free: nothing was compared"]
