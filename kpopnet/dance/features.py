@@ -138,8 +138,8 @@ def _angles_confidence(angles_rad: np.ndarray, confidence: np.ndarray, names: tu
 @cache
 def _joints_of(names: tuple[str, ...]) -> np.ndarray:
     """(D, 6) the joints whose confidence counts for each angle, those of a limb more than once."""
-    limbs = dict(zip(_FIRST_DEGREE, zip(PROXIMAL, MIDDLE, strict=True), strict=True))
-    limbs |= dict(zip(_SECOND_DEGREE, zip(MIDDLE, DISTAL, strict=True), strict=True))
+    ends = np.concatenate([np.stack([PROXIMAL, MIDDLE], axis=1), np.stack([MIDDLE, DISTAL], axis=1)])
+    limbs: dict[str, np.ndarray] = dict(zip(_FIRST_DEGREE + _SECOND_DEGREE, ends, strict=True))
     return np.array([np.resize(limbs.get(name.rpartition("_")[0], _TORSO), len(_TORSO)) for name in names])
 
 
