@@ -230,7 +230,7 @@ def subsampled(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]
 
 def tells_unit(depth_m: np.ndarray) -> bool:
     """Whether an image that `depth_in_metres` has converted measured enough to tell the unit of those that follow."""
-    return np.count_nonzero(depth_m) > FEW_PIXELS
+    return bool(np.count_nonzero(depth_m) > FEW_PIXELS)
 
 
 def image_in_metres(depth: np.ndarray, camera: Camera, unit_known: bool = False) -> np.ndarray:
