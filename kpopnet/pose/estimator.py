@@ -85,7 +85,8 @@ class PoseEstimator:
         """Forgets the room and the people: the next image is the first of another recording."""
         self._extractor: Extractor | None = None
         self._people: dict[int, DetectedPerson | TrackedPerson] = {}
-        self._time_s, self._unit_known = 0.0, False
+        self._time_s = 0.0
+        self._unit_of: Camera | None = None
 
     def update(self, depth: np.ndarray, camera: Camera, time_s: float | None = None) -> list[PersonPose]:
         """The people in the next image, online: each image once, in order.
@@ -159,10 +160,11 @@ class PoseEstimator:
         ]
 
     def _found(self, depth: np.ndarray, camera: Camera, most: int, time_s: float | None) -> dict[int, Pose]:
-        depth_m, camera = self._needed_image(depth, camera)
+        given, (depth_m, camera) = camera, self._needed_image(depth, camera)
         if self._extractor is None or camera != self._extractor.camera:
             self.reset()
             self._extractor = build_extractor(camera, self.extraction, self._looker(camera))
+        self._learn_unit(depth_m, given)
         self._time_s = self._time_s + FRAME_S if time_s is None else time_s
         found = self._extractor.extract(depth_m, self._time_s)
         humans = {human.identity: human for human in islice(found, most)}
@@ -176,9 +178,12 @@ class PoseEstimator:
 
     def _needed_image(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, Camera]:
         check_camera(camera)
-        depth_m = image_in_metres(depth, camera, self._unit_known)
-        self._unit_known = self._unit_known or tells_unit(depth_m)
-        return subsampled(depth_m, camera)
+        return subsampled(image_in_metres(depth, camera, unit_known=camera == self._unit_of), camera)
+
+    def _learn_unit(self, depth_m: np.ndarray, camera: Camera) -> None:
+        """From here on the unit of this camera's depth is known, if the image tells it."""
+        if self._unit_of is None and tells_unit(depth_m):
+            self._unit_of = camera
 
     def _looker(self, camera: Camera) -> Looker | None:
         """Looks at whom the finder finds, by the network: what it sees is used again for their joints."""
@@ -188,7 +193,8 @@ class PoseEstimator:
         return lambda humans: detected(network, mode, [(human.depth_m, human.cropped(camera)) for human in humans])
 
     def _segmented(self, image: np.ndarray, camera: Camera, time_s: float) -> dict[int, Pose]:
-        depth_m, camera = self._needed_image(image, camera)
+        given, (depth_m, camera) = camera, self._needed_image(image, camera)
+        self._learn_unit(depth_m, given)
         pose = self._person(0, camera).update(depth_m, camera, time_s)
         return {0: pose} if np.isfinite(pose.joints_camera_m).any() else {}
 

@@ -106,8 +106,10 @@ def test_a_refused_image_or_time_leaves_nothing_behind():
 def test_a_hand_before_the_lens_ends_nothing_once_the_unit_is_known():
     frames, near = np.rint(1000 * np.stack(walking(3))).astype(np.uint16), np.full(walking(1)[0].shape, 40, np.uint16)
     poses = PoseEstimator(Blob())
-    for frame in (*frames, near, frames[0]):
+    for frame in (frames[0], near, *frames[1:], near):
         poses.update(frame, ROOM_CAMERA)
+    with pytest.raises(InputError, match="these look like metres"):
+        poses.update(near, replace(ROOM_CAMERA, fx=ROOM_CAMERA.fx + 1))  # another camera
     poses.reset()
     with pytest.raises(InputError, match="these look like metres"):
         poses.update(near, ROOM_CAMERA)
