@@ -51,9 +51,13 @@ export function songPanel(changed) {
       ? say("{bpm} beats a minute, the one at {seconds} s", { bpm: song.bpm.toFixed(1), seconds: song.one_s.toFixed(2) }) : ""}`;
   }
 
+  // Whether a dance can follow these beats; not where there is nothing to correct yet.
+  function canBeDanced({ bpm, one_s }) {
+    return bpm >= BPM[0] && bpm <= BPM[1] && !(one_s > audio.duration); // which is NaN until it is known
+  }
+
   function keep(corrected) {
-    if (!song.bpm && !corrected.bpm) return; // nothing to correct yet
-    if (corrected.bpm < BPM[0] || corrected.bpm > BPM[1] || corrected.one_s > audio.duration) return; // no dance follows it
+    if (!canBeDanced({ ...song, ...corrected })) return;
     Object.assign(song, corrected);
     while (song.one_s < 0) song.one_s += BAR_BEATS * 60 / song.bpm; // a dance begins on a one that the song has
     remember(`song.${song.name}`, { bpm: song.bpm, one_s: song.one_s });
@@ -71,7 +75,7 @@ export function songPanel(changed) {
     changed(); // the beats of the song before are not this one's
     try {
       const context = new OfflineAudioContext(1, 1, ANALYSED_HZ), decoded = await context.decodeAudioData(await chosen.arrayBuffer());
-      const found = remembered(`song.${chosen.name}`, null) || await beatsBeside(decoded.getChannelData(0));
+      const kept = remembered(`song.${chosen.name}`, null), found = kept && canBeDanced(kept) ? kept : await beatsBeside(decoded.getChannelData(0));
       if (mine === turn) keep(found);
     } catch (error) {
       if (mine !== turn) return;

@@ -114,6 +114,18 @@ test("what was on its way when the dance was stopped changes nothing", async () 
   leave();
 });
 
+test("what a pause says to do goes when the dance is stopped, and so does what was said of the camera", async () => {
+  const { get, leave } = await opened();
+  begin(get);
+  told({ kind: "paused", from_s: 3 });
+  told({ kind: "away", text: "the camera sends no images; look at its cable" });
+  const said = () => ["words", "guide"].map((id) => get(id).textContent !== "");
+  assert.deepEqual(said(), [true, true]);
+  get("start").click();
+  assert.deepEqual(said(), [false, false]);
+  leave();
+});
+
 test("from a phrase that was practised a link leads to the whole dance of the same dancer", async () => {
   mock.timers.enable({ apis: ["setTimeout"] });
   const { get, leave } = await opened("phrase=1&practise=80&dancer=2&mirrored=0");

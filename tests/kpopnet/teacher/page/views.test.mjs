@@ -10,6 +10,7 @@ const { asDanced, phraseAt } = await import(`${PAGE}practice.js`);
 const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
 const { menu } = await import(`${PAGE}menu.js`);
 const { myself } = await import(`${PAGE}mine.js`);
+const { line } = await import(`${PAGE}result.js`);
 const { songAt, songPanel, songTempo } = await import(`${PAGE}song.js`);
 
 const OFFER = { sources: { simulated: "a simulated learner" }, skills: ["good"], faults: [""] };
@@ -126,6 +127,15 @@ test("a song that was read more slowly than the one chosen after it leaves that 
   for (let k = 0; k < 9; k++) earlier.listeners.click();
   const { at_s, rate } = songAt(0, 1), one_s = JSON.parse(localStorage.getItem("teach.song.chosen")).one_s;
   assert.ok(one_s >= 0 && at_s === one_s && rate === 1, "the dance begins on a one that the song has");
+  const half = panel.panel.children.at(-1).children.at(-1).children.find(({ id }) => id === "half");
+  for (let k = 0; k < 9; k++) half.listeners.click();
+  assert.equal(songTempo().toFixed(0), "31", "no dance follows fewer than 20 beats a minute");
+  localStorage.setItem("teach.song.kept", '{"bpm": 0.01, "one_s": 9}'); // of a version that let it be halved without end
+  const found = panel.take(file("kept", 90));
+  await new Promise(globalThis.setImmediate);
+  waiting[90][0]();
+  await found;
+  assert.ok(Math.abs(songTempo() - 90) < 0.5, songTempo());
   assert.deepEqual(["slow", "broken", "chosen"].map((name) => localStorage.getItem(`teach.song.${name}`) !== null), [false, false, true]);
 });
 
@@ -155,4 +165,10 @@ test("a song or a dance that is chosen again is read again", async () => {
   chooseTwice(allOf(main).find(({ type }) => type === "file"), file);
   leave(); // ends its timer
   assert.deepEqual(sent, [file, file]);
+});
+
+test("the line of a course has gaps where nothing was compared", () => {
+  const same = (value) => value;
+  document.createElementNS = (_space, tag) => document.createElement(tag);
+  assert.equal(line([0, 1, 2, 3, 4, 5], [null, 1, 2, null, 3, 4], same, same).d, "M1,1L2,2M4,3L5,4");
 });
