@@ -255,7 +255,7 @@ function film(base, name) {
   }
 }
 
-const isPart = ({ from_s, to_s }, seconds) => from_s > 0 || (to_s || seconds) < seconds;
+const isPart = ({ from_s, to_s }, seconds) => (to_s || seconds) - from_s < seconds;
 const excerptOf = ({ from_s, to_s }, seconds) => `${clock(from_s)} – ${clock(to_s || seconds)}`;
 
 function historyTable(history, identity, name, seconds) {
