@@ -26,7 +26,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 __version__ = "0.1.0"
 
 
-def _keep_kernels_somewhere() -> None:
+def _ensure_kernel_cache() -> None:
     """Where neither this folder nor the user's cache can be written, numba keeps compiled kernels in a folder of this process.
 
     It would not load a module without one. They are compiled anew then whenever a program starts.
@@ -43,4 +43,4 @@ def _keep_kernels_somewhere() -> None:
     atexit.register(lambda: os.getpid() == process and shutil.rmtree(folder, ignore_errors=True))
 
 
-_keep_kernels_somewhere()
+_ensure_kernel_cache()

@@ -41,7 +41,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from kpopnet.dance.vectors import at, cross, dot, inside, norm, plus, times, unit
+from kpopnet.dance.vectors import at, cross, dot, in_frame, norm, plus, times, unit
 from kpopnet.skeleton import Joint
 
 TURN_WINDOW_S = 0.5
@@ -228,7 +228,7 @@ def limb_in(frame, joints_m, limb):
     """The unit directions of an upper and a lower limb in a frame of axes u, r, t; NaN where the bone is too short."""
     proximal_m, middle_m, distal_m = at(joints_m, PROXIMAL[limb]), at(joints_m, MIDDLE[limb]), at(joints_m, DISTAL[limb])
     parent, child = unit(plus(middle_m, proximal_m, -1.0), MIN_BONE_M), unit(plus(distal_m, middle_m, -1.0), MIN_BONE_M)
-    return inside(frame, parent), inside(frame, child)
+    return in_frame(frame, parent), in_frame(frame, child)
 
 
 @njit(cache=True)

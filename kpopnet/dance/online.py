@@ -178,7 +178,7 @@ class OnlineScorer:
         for comparison in (self._direct, self._mirrored):
             comparison.keep_windows(self._next)
         if self.scorer.mirrored == "auto":
-            fits_better = mirror_fits_better(self._direct.fit, self._mirrored.fit)
+            fits_better = mirror_fits_better(self._direct.similarity_and_posture, self._mirrored.similarity_and_posture)
             order = (self._mirrored, self._direct) if fits_better else (self._direct, self._mirrored)
             self._shown, self._other = order
 

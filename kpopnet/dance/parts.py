@@ -195,7 +195,9 @@ class PartTeacher:
         offset, noise = start - BAND_FRAMES, known_noise(self.scorer.noise)
         on_path = path_distances(path, learner, self.features, offset, _PARTS_OF, noise.sees_depth)
         turning = self.turning[offset + path.sum(axis=1)]
-        body, shown, parts, shift, expected = _in_common(on_path, kept_by_noise(noise.loss, unsure), turning, self.scorer.beta)
+        body, shown, parts, shift, expected = _similarities(
+            on_path, kept_by_noise(noise.loss, unsure), turning, self.scorer.beta
+        )
         # The mean delay of the pairs changes smoothly with the learner's, unlike that of the middles in Eq. (13).
         delay_s = (BAND_FRAMES - float(path[:, 1].mean()) - shift) / FPS
         pairs, timing = np.column_stack([self._skill(body), shown, parts]), 100 * self.scorer.timing(delay_s)
@@ -228,7 +230,7 @@ def _least_of_parts(values, parts):
 
 
 @njit(cache=True)
-def _in_common(on_path, kept_if_seen, turning, beta):
+def _similarities(on_path, kept_if_seen, turning, beta):
     """What the L pairs of a path have in common: (L,) similarity of the body, whether anything of it is seen, (L, P) similarity
     of the parts, the mean delay within a frame, in frames, and the body's similarity that perfect dancing keeps.
 

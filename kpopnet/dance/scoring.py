@@ -196,11 +196,6 @@ class DanceScore(NamedTuple):
         return [(float(self.windows.start_s[0]) + at_s, text) for at_s, text in self.stage.remarks()]
 
     @property
-    def fit(self) -> tuple[float, float]:
-        """Similarity and posture, by which the learner is told from their mirror image."""
-        return self.similarity, self.posture
-
-    @property
     def completeness(self) -> float:
         """Fraction in 0..1 of what the teacher dances that the learner shows, the mean over the parts."""
         return sum(self.coverage.values()) / len(self.coverage) if self.coverage else math.nan
@@ -402,11 +397,11 @@ class Comparison:
     @property
     def so_far(self) -> float:
         """S of Eq. (15) of the windows that were kept, 0 to 100; NaN before the first one."""
-        return self.fit[0]
+        return self.similarity_and_posture[0]
 
     @property
-    def fit(self) -> tuple[float, float]:
-        """Similarity and posture of the windows that were kept, 0 to 100, as `DanceScore.fit`; NaN before the first one."""
+    def similarity_and_posture(self) -> tuple[float, float]:
+        """Those of the windows that were kept, 0 to 100, as of `DanceScore`; NaN before the first one."""
         similarity, posture = (float(min(total, most) / weight) if weight else math.nan for total, most, weight in self._sums)
         return similarity, posture
 
@@ -462,7 +457,7 @@ def mirror_fits_better(direct: tuple[float, float], mirrored: tuple[float, float
 
 def preferred(direct: DanceScore, mirrored: DanceScore) -> DanceScore:
     """The score that the scorer's `mirrored` asks for, of the learner and of the learner's mirror image."""
-    fits_better = mirror_fits_better(direct.fit, mirrored.fit)
+    fits_better = mirror_fits_better(*((one.similarity, one.posture) for one in (direct, mirrored)))
     use = {"false": False, "true": True, "auto": fits_better}[direct.scorer.mirrored]
     return (mirrored if use else direct)._replace(mirror_fits_better=fits_better)
 

@@ -1,4 +1,4 @@
-"""Vectors in kernels: tuples of three numbers, which take no memory."""
+"""Vectors in kernels: tuples of three numbers, for which no array is made."""
 
 import math
 
@@ -45,6 +45,6 @@ def unit(a, least):
 
 
 @njit(cache=True)
-def inside(frame, a):
+def in_frame(frame, a):
     """A vector in a frame of three axes."""
     return dot(frame[0], a), dot(frame[1], a), dot(frame[2], a)

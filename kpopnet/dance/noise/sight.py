@@ -19,7 +19,7 @@ from numba import njit
 from kpopnet.dance.dtw import PathDistances, distances_on_path
 from kpopnet.dance.features import TORSO, Features, limb_in, torso_frame
 from kpopnet.dance.noise.steady import AZIMUTH, INCLINATION, PART_OF_SEGMENT, segment_vectors
-from kpopnet.dance.vectors import at, cross, dot, inside, norm, plus, times, unit
+from kpopnet.dance.vectors import at, cross, dot, in_frame, norm, plus, times, unit
 
 POINTS_AT_CAMERA = 0.03
 """Squared sine of the angle to the line of sight below which a limb points at the camera (10 degrees): then no direction across
@@ -99,7 +99,7 @@ def seen_differences(learner_m, learner_rows, teacher_m, teacher_rows):
         for limb in range(4):
             frame = torso_frame(danced, limb)
             danced_limb, taught_limb = limb_in(frame, danced, limb), limb_in(torso_frame(taught, limb), taught, limb)
-            ray = inside(frame, _sight(danced))
+            ray = in_frame(frame, _sight(danced))
             axis, turn = (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
             for lower in range(2):
                 middle, whole = _halfway(danced_limb[lower], taught_limb[lower])

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.dance.dtw import PathDistances
-from kpopnet.dance.parts import _in_common, _least_of_parts
+from kpopnet.dance.parts import _least_of_parts, _similarities
 from kpopnet.dance.window import PARTS, WINDOW_FRAMES, window_score
 
 PART_OF_ANGLE = np.array([0, 0, 1, 2, 3, 4, 4, 5])
@@ -61,7 +61,7 @@ def test_similarities_and_errors_are_those_of_their_plain_twins(seed):
     expected = mean_of_known(of_body(kept))
     parts = parts / mean_of_known(kept)
     twin = of_body(parts), shown, parts, at[best].mean(), expected
-    found = _in_common(on_path, left, turning, beta)
+    found = _similarities(on_path, left, turning, beta)
     for one, other in zip(found, twin, strict=True):
         np.testing.assert_allclose(one, other, atol=2e-3)  # the twin tries steps of a two thousandth
 
