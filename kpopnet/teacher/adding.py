@@ -29,7 +29,7 @@ IS_OF_LIMB = np.array([joint.name.endswith(("ELBOW", "HAND", "KNEE", "FOOT")) fo
 
 FPS = 30.0
 MIN_S, LAST_STEP_S = 5.0, 0.1
-"""The last image of a cut of five seconds comes as much as the second before their end."""
+"""Shortest dance, and the longest step from its last image to its end, seconds."""
 
 USUAL_BPM = 120.0
 
@@ -70,7 +70,7 @@ def add_group(
 
 
 def check_length(where: str, seconds: float) -> None:
-    """Raises InputError, which names the file `where`, unless a dance may last so many seconds."""
+    """Raises InputError, which names the file `where`, for a length that no dance has."""
     if not MIN_S - LAST_STEP_S <= seconds <= MAX_S:
         text = "{file}: lasts {seconds} s; a dance lasts {least} to {most} s"
         raise InputError(Said(text, file=where, seconds=f"{seconds:.1f}", least=f"{MIN_S:g}", most=f"{MAX_S:g}"))

@@ -42,7 +42,7 @@ simulated people (split train) that the same program prints; standard deviation 
 
 SQUARE, MOST_ROWS = 0.02, 4
 """Pixels whose height differs by no more than this share from their width are taken for square, as all lengths below are. An
-image of others is given other rows, no more than so many times its own."""
+image of others is resampled to square ones, up to `MOST_ROWS` times its own rows."""
 
 
 def find_initial_pose(depth_m: np.ndarray, camera: Camera) -> np.ndarray | None:
