@@ -13,11 +13,16 @@ from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_budget, check_fields, expect, names_in, parsing, read_text
 
 TIME = "time_s"
-TIMES = {TIME: 1.0, "timestamp_ms": 0.001}
+TIMES = {TIME: 1.0, "time": 1.0, "time_ms": 0.001, "timestamp_ms": 0.001}
 """Names of a frame's time, and seconds per unit."""
 
 NUMBERS = ("frame", "frame_index")
 """Names of a frame's number."""
+
+PEOPLE = ("identity", "body_id", "person_id", "person")
+"""Names of a column that tells people apart."""
+
+EACH_A_FILE = "give each person a file of their own"
 
 PARTS = ("x", "y", "z", "confidence")
 
@@ -78,6 +83,9 @@ def read_csv(path: Path) -> NamedPoints:
     expect(bool(rows), str(path), "a line of numbers below the header")
     for where, row in rows:
         expect(len(row) == len(header), where, f"{len(header)} cells as in the header, found {len(row)}")
+    if (whose := next((lower.index(name) for name in PEOPLE if name in lower), None)) is not None:
+        people = list(dict.fromkeys(row[whose].strip() for _, row in rows))
+        expect(len(people) == 1, f"{path}, column {header[whose]}", f"one person, found {names_in(people)}; {EACH_A_FILE}")
     times = {time: lower.index(time) for time in TIMES if time in lower}
     frame_at = long["frame"] if long else next((number for number, word in enumerate(lower) if word in NUMBERS), None)
     # Frames that have no line are known by the numbers of the others, unless times are stated.
@@ -87,7 +95,7 @@ def read_csv(path: Path) -> NamedPoints:
         of_frame = row[frame_at].strip() if frame_at is not None and (long or numbered) else where
         frame = frames.setdefault(of_frame, {"joints": {}} | {time: _number(row[at], where) for time, at in times.items()})
         for name, places in _named(row, long).items() if long else wide.items():
-            expect(name not in frame["joints"], where, f"one line for {name} in a frame; give each person a file of their own")
+            expect(name not in frame["joints"], where, f"one line for {name} in a frame; {EACH_A_FILE}")
             frame["joints"][name] = [_number(row[place], where) for place in places]
     return joint_points(_with_those_between(frames, path) if numbered else [*frames.values()], None, str(path))
 

@@ -251,15 +251,20 @@ def test_two_people_in_one_table_are_refused(tmp_path):
     path = write_counted(tmp_path / "wide.csv", {"frame_index": np.repeat(np.arange(FRAMES), 2)[:FRAMES]})
     with pytest.raises(InputError, match=r"wide\.csv, line 3: expected one line for \w+ in a frame"):
         read_performance(path, 10)
-    lines = ["frame,person,name,x,y,z", *(f"{k},{who},{name},0,1,2" for k in range(3) for who in "ab" for name in person())]
+    lines = ["frame,who,name,x,y,z", *(f"{k},{who},{name},0,1,2" for k in range(3) for who in "ab" for name in person())]
     (tmp_path / "two.csv").write_text("\n".join(lines))
     with pytest.raises(InputError, match=r"two\.csv, line \d+: expected one line for \w+ in a frame"):
         read_performance(tmp_path / "two.csv", 25)
+    path = write_csv(tmp_path / "live.csv", person(), {"Identity": 1 + np.arange(FRAMES) % 2})  # as `kpopnet live` writes it
+    with pytest.raises(InputError, match=r"live\.csv, column Identity: expected one person, found 1(\.0)?, 2(\.0)?; give each"):
+        read_performance(path)
+    read_performance(write_csv(path, person(), {"identity": np.full(FRAMES, 3)}))
 
 
-def test_times_of_a_table_are_known_in_any_case_and_before_numbers(tmp_path):
+@pytest.mark.parametrize("name", ["Time_S", "Time"])
+def test_times_of_a_table_are_known_in_any_case_and_before_numbers(tmp_path, name):
     path = write_csv(tmp_path / "a.csv", person(), {"frame": np.arange(FRAMES) * 2})
-    path.write_text(path.read_text().replace("time_s", "Time_S", 1))
+    path.write_text(path.read_text().replace("time_s", name, 1))
     np.testing.assert_allclose(read_performance(path).times_s, TIMES_S)
 
 
