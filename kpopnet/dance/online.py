@@ -112,13 +112,21 @@ class OnlineScorer:
         start = max(stop - WINDOW_FRAMES, 0)
         if not self._samples or stop - start < min(round(least_s * FPS), WINDOW_FRAMES):
             return None
+        is_first = self.scorer.mirrored == "auto" and self._latest is None
+        if is_first:  # no window has told yet whether the learner mirrors: this one does
+            self._catch_up()
         known, new = self._frames[-self._history :], [self._frame(frame) for frame in range(self._next, stop)]
-        if new:
-            _add([*known, *new], self._shown, len(new))
-        try:
-            return self._score(stop - 1, self._shown.window(start, stop - start))
-        finally:
-            self._shown.remove(len(new))
+        windows = {}
+        for comparison in (self._direct, self._mirrored) if is_first else (self._shown,):
+            if new:
+                _add([*known, *new], comparison, len(new))
+            try:
+                windows[comparison] = comparison.window(start, stop - start)
+            finally:
+                comparison.remove(len(new))
+        if is_first and mirror_fits_better(*((one.similarity, one.posture) for one in windows.values())):
+            self._shown, self._other = self._mirrored, self._direct
+        return self._score(stop - 1, windows[self._shown])
 
     def score_so_far(self) -> DanceScore | None:
         """The score of the windows that are complete, with everything that `score_dance` returns; None before the first one."""

@@ -165,9 +165,9 @@ def test_who_mirrors_a_teacher_on_a_stage_is_told_of_their_own_sides(dance):
     assert result["praise"][0].startswith("right nearly throughout: ") and "right arm" in result["praise"][0], result["praise"]
 
 
-def verdicts(dance, learner: Performance, seconds: float = 6.5) -> list[tuple[float, dict]]:
+def verdicts(dance, learner: Performance, seconds: float = 6.5, **lesson) -> list[tuple[float, dict]]:
     """The verdicts on what a learner danced, with the time of the newest image at each."""
-    one, found = begun(dance, to_s=seconds), []
+    one, found = begun(dance, to_s=seconds, **lesson), []
     for joints_m, time_s in zip(learner.joints_m, learner.times_s.tolist(), strict=True):
         look(one, time_s, joints_m)
         if verdict := one.next_verdict():
@@ -187,6 +187,15 @@ def test_each_move_is_scored_once_soon_after_its_end(dance):
         assert one["end_s"] == pytest.approx(one["number"] * each_s)
         assert 0 <= time_s - one["end_s"] < 1 / dance.fps
         assert one["total"] > 99 and one["words"] == ""
+
+
+@pytest.mark.parametrize("identity", ["dance_001", "dance_002"])
+def test_the_first_verdict_knows_who_mirrors_a_teacher_on_a_stage(library, identity):
+    dance = library.dance(identity)
+    danced = excerpt(dance.performance, 0.0, 4.4)
+    mirrored_m = danced.joints_m[:, MIRROR] * np.array([-1.0, 1, 1], np.float32)
+    for learner in (danced, Performance(mirrored_m, danced.times_s)):
+        assert min(one["total"] for _, one in verdicts(dance, learner, 4.0, mirrored=False)) > 90
 
 
 def test_the_reason_is_the_limb_that_hangs_and_only_while_it_hangs_or_the_lateness(dance):
