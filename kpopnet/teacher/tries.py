@@ -3,7 +3,6 @@
 import contextlib
 import csv
 import io
-import itertools
 import json
 import re
 import time
@@ -21,7 +20,6 @@ from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.teacher.library import IDENTITY
 
 NAME = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9]{3}")
-MOST_IN_HISTORY = 200
 SUFFIXES = (".npz", ".mp4", ".json", ".mp4")
 """Of the files of a try as they are deleted: late the result, which says whose it is; then a film that was made meanwhile."""
 
@@ -74,12 +72,12 @@ class Tries:
                         path.unlink()
 
     def history(self, dance: str, who: str = "") -> list[dict]:
-        """The latest tries of a dance by a profile, "" for those of none, the newest first: their dance, name, total, speed,
+        """The tries of a dance by a profile, "" for those of none, the newest first: their dance, name, total, speed,
         excerpt, source, whom of a group they danced, whether as in a mirror, and the totals of their phrases.
         """
         if not IDENTITY.fullmatch(dance):
             raise InputError("there is no such dance")
-        return list(itertools.islice(self._of(dance, who), MOST_IN_HISTORY))
+        return list(self._of(dance, who))
 
     def dances(self) -> list[str]:
         """The dances that were tried."""
@@ -90,7 +88,7 @@ class Tries:
         return [(dance, one["session"]) for dance in self.dances() for one in self._of(dance, who)]
 
     def _of(self, dance: str, who: str) -> Iterator[dict]:
-        """As `history`, all of them. A file is read once, unless it changes: it may hold a minute's course."""
+        """As `history`. A file is read once, unless it changes: it may hold a minute's course."""
         before, known = self._known.get(dance, {}), {}
         for path in sorted((self.folder / dance).glob("*.json"), reverse=True):
             with contextlib.suppress(FileNotFoundError):  # it is deleted just now
@@ -108,10 +106,12 @@ class Tries:
             one = self.result(dance, name)
         except InputError:
             return None
+        phrases = one.get("phrases")
+        phrases = [one for one in phrases if isinstance(one, dict)] if isinstance(phrases, list) else []  # or it is damaged
         keys = ("total", "speed", "from_s", "to_s", "source", "skill", "dancer", "mirrored")
-        phrases = [{key: phrase.get(key) for key in ("start_s", "total")} for phrase in one.get("phrases", [])]
         head = {"who": one.get("who", ""), "dance": dance, "session": name}
-        return head | {key: one.get(key) for key in keys} | {"phrases": phrases}
+        totals = [{key: phrase.get(key) for key in ("start_s", "total")} for phrase in phrases]
+        return head | {key: one.get(key) for key in keys} | {"phrases": totals}
 
     def result(self, dance: str, name: str) -> dict:
         """The result of a try; raises as `path`."""

@@ -33,7 +33,7 @@ async function show() {
     else end();
   } catch (error) {
     if (mine !== turn) return;
-    main.replaceChildren(el("p", { class: "error", role: "alert" }, error.message), el("a", { href: "#/" }, say("To the dances")));
+    main.replaceChildren(el("p", { class: "error", role: "alert" }, error.message), el("a", { href: "#/", onclick: () => { if (location.hash === "#/") show(); } }, say("To the dances")));
   }
   if (mine !== turn) return;
   document.title = [main.querySelector("h1")?.firstChild?.textContent, say("Dance teacher")].filter(Boolean).join(" · ");

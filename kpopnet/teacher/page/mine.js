@@ -1,6 +1,6 @@
 // Who dances: names on this machine, a curve for each dance, what to practise this week, and one's data to take along or delete.
-import { weekPlan } from "./practice.js";
-import { line, part, when } from "./result.js";
+import { isAhead, weekPlan } from "./practice.js";
+import { excerptOf, isPart, line, part, when } from "./result.js";
 import { ask, el, remember, remembered } from "./tools.js";
 import { say } from "./words.js";
 
@@ -31,9 +31,11 @@ async function find(who) {
 
 export function greeting(found) {
   if (!found) return [];
-  const tries = found.dances.flatMap((dance) => dance.tries.map((one) => ({ ...one, name: dance.name })));
+  const now = new Date();
+  const tries = found.dances.flatMap(({ name, seconds, tries: all }) => all.filter(({ session, total }) => total !== null && !isAhead(session, now))
+    .map((one) => ({ ...one, name: isPart(one, seconds) ? `${name}, ${excerptOf(one, seconds)}` : name })));
   if (!tries.length) return [el("p", { id: "greeting" }, say("Hello {name}! What you dance now is kept under your name.", found))];
-  const last = tries.reduce((a, b) => (b.session > a.session ? b : a)), plan = weekPlan(found.dances, new Date());
+  const last = tries.reduce((a, b) => (b.session > a.session ? b : a)), plan = weekPlan(found.dances, now);
   return [el("p", { id: "greeting" }, el("b", {}, say("Welcome back, {name}!", found)), " ",
     say("Last: {name}, {total} of 100.", { name: last.name, total: Math.round(last.total) }), " ",
     plan.length ? el("a", { href: plan[0].href }, say("Practise {what}", { what: plan[0].text })) : "")];

@@ -91,7 +91,7 @@ export function panels(main, dance, parts, song) {
     el("div", { class: "controls" }, el("label", {}, say("skill"), parts.skill), el("label", {}, say("fault"), parts.fault),
       el("label", {}, say("person"), parts.seed)));
   main.append(
-    el("h1", {}, dance.name, el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${say("{count} bpm", { count: Math.round(dance.bpm) })} · ${clock(dance.seconds)}`)),
+    el("h1", {}, el("bdi", {}, dance.name), el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${say("{count} bpm", { count: Math.round(dance.bpm) })} · ${clock(dance.seconds)}`)),
     el("div", { class: "controls" }, parts.start, el("label", {}, say("speed"), parts.speed), el("label", {}, say("dance"), parts.phrase),
       el("label", {}, say("practise"), parts.practise), el("label", {}, parts.loop, say("loop")), el("label", {}, parts.mirrored, say("as in a mirror")),
       el("label", {}, say("music"), parts.music), el("label", {}, say("who dances"), parts.source), el("label", {}, say("learners"), parts.people),

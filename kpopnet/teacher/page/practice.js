@@ -51,15 +51,19 @@ export function worstPhrase(phrases, dance) {
 }
 
 const RECENT_DAYS = 28, PLANNED = 3, DAY_MS = 86400000;
+// A try's date may lie ahead: the clock was wrong once.
 const day = (session) => Date.UTC(session.slice(0, 4), session.slice(4, 6) - 1, session.slice(6, 8));
+
+const daysAgo = (session, now) => (Date.UTC(now.getFullYear(), now.getMonth(), now.getDate()) - day(session)) / DAY_MS;
+export const isAhead = (session, now) => daysAgo(session, now) < -1;
 
 // What to practise this week: of the dances of the last four weeks the phrases whose latest score is least and below the goal.
 export function weekPlan(dances, now) {
-  const latest = new Map(), today = Date.UTC(now.getFullYear(), now.getMonth(), now.getDate());
+  const latest = new Map();
   for (const dance of dances) {
     const { identity, name } = dance;
     for (const { session, phrases, dancer, mirrored } of dance.tries) { // the newest first
-      if (today - day(session) > RECENT_DAYS * DAY_MS) continue;
+      if (daysAgo(session, now) > RECENT_DAYS || isAhead(session, now)) continue;
       for (const { start_s, total } of phrases) {
         const phrase = phraseAt(start_s, dance), key = `${identity}/${phrase}/${dancer || 0}`;
         if (total !== null && practisable(phrase, dance) && !latest.has(key)) latest.set(key, { identity, name, phrase, total, danced: asDanced({ dancer, mirrored }) });

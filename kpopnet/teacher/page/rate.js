@@ -105,6 +105,8 @@ function rating(main, rater) {
       await ask("/api/answer", { method: "POST", body: JSON.stringify({ rater, done: state.done, choice }) });
     } catch (problem) {
       error.textContent = problem.message;
+      state.busy = false; // the answer may be given again
+      return;
     }
     load();
   }

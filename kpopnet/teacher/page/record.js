@@ -58,6 +58,7 @@ export async function record(main) {
     start.click();
   };
   document.addEventListener("keydown", onKey);
+  globalThis.onbeforeunload = (event) => { if (state.running || !editor.hidden) event.preventDefault(); }; // or the dance would be lost
   const onDrag = (event) => {
     const [dropped] = event.dataTransfer.files;
     if (event.type === "drop" && dropped) {
@@ -74,6 +75,7 @@ export async function record(main) {
   return () => {
     state.closed = true;
     document.removeEventListener("keydown", onKey);
+    globalThis.onbeforeunload = null;
     for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
     sound.close();
     live.leave();

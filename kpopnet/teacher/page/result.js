@@ -17,15 +17,16 @@ export async function result(main, identity, name) {
   const dance = { ...group, ...[group, ...group.others][found.dancer || 0] };
   const history = await ask(`/api/history/${identity}?who=${found.who || ""}`);
   const filming = film(base, `${identity}-${name}.mp4`);
-  const leave = showResult(main, { found, dance, body, movement }, (phrase) =>
-    practiseAddress(identity, phrase, `&skill=${found.skill}&fault=${encodeURIComponent(found.fault)}&${asDanced(found)}`));
+  const danced = `skill=${found.skill}&fault=${encodeURIComponent(found.fault)}&${asDanced(found)}`;
+  const leave = showResult(main, { found, dance, body, movement }, (phrase) => practiseAddress(identity, phrase, `&${danced}`));
+  const same = isPart(found, dance.seconds) ? `phrase=${phraseAt(found.from_s, dance)}&${danced}` : danced;
   main.append(
     ...beside(found, identity),
     ...latency(found),
     el("h2", {}, say("Your tries")), historyTable(history, identity, name, dance.seconds),
     el("p", {}, say("Save as"), " ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
       ...filming.nodes),
-    el("p", {}, el("a", { id: "again", href: `#/dance/${identity}?${asDanced(found)}` }, say("Dance again"))),
+    el("p", {}, el("a", { id: "again", href: `#/dance/${identity}?${same}` }, say("Dance again"))),
   );
   return () => {
     filming.stop();
@@ -255,8 +256,8 @@ function film(base, name) {
   }
 }
 
-const isPart = ({ from_s, to_s }, seconds) => (to_s || seconds) - from_s < seconds;
-const excerptOf = ({ from_s, to_s }, seconds) => `${clock(from_s)} – ${clock(to_s || seconds)}`;
+export const isPart = ({ from_s, to_s }, seconds) => (to_s || seconds) - from_s < seconds;
+export const excerptOf = ({ from_s, to_s }, seconds) => `${clock(from_s)} – ${clock(to_s || seconds)}`;
 
 function historyTable(history, identity, name, seconds) {
   return el("div", { class: "scroll" }, el("table", { id: "history" }, el("tbody", {}, ...history.map((one) => el("tr", {},

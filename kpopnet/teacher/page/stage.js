@@ -147,7 +147,7 @@ export async function stage(main, identity, wanted) {
 
   // What another round may change: the lesson is prepared anew then.
   function asked() {
-    return [speed(), parts.phrase.value, parts.skill.value, parts.fault.value, parts.seed.value].join();
+    return [speed(), parts.phrase.value, parts.skill.value, parts.fault.value, parts.seed.value, remembered("who", "")].join();
   }
 
   // What the server hears at the start alone, of whom and by what, stays as it is until the dance ends.
@@ -184,8 +184,10 @@ export async function stage(main, identity, wanted) {
   // The camera goes on watching for a hand that points, unless this view is left, or it was the camera that failed.
   function stop(message, watches = true) {
     if (state.paused_s !== null) shown.words.textContent = ""; // how to go on
-    Object.assign(state, { running: false, ready: false, start: 0, place: null, paused_s: null });
+    if (state.practice) parts.speed.value = remembered("speed", 100);
+    Object.assign(state, { running: false, ready: false, start: 0, place: null, practice: null, paused_s: null });
     delete main.dataset.busy;
+    history.replaceState(null, "", location.hash.replace(/\bgo&|[?&]go$/, "")); // or it would begin by itself when one comes back
     shown.beginNow.hidden = true;
     clearTimeout(state.again);
     sound.stop();

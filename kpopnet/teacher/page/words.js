@@ -6,6 +6,7 @@ import { remember, remembered } from "./memory.js";
 
 export const LANGUAGES = { en: "English", ko: "한국어", de: "Deutsch" };
 const CATALOGUES = { en: {}, ko, de }, DECIMAL_COMMA = ["de"];
+const RIGHT_TO_LEFT = /[\u0590-\u08ff\ufb1d-\ufefc]/;
 export const language = chosen();
 if (globalThis.document) document.documentElement.lang = language;
 
@@ -30,5 +31,6 @@ function shown(value) {
   if (Array.isArray(value)) return value.map(shown).join(", ");
   if (typeof value === "object") return say(value);
   const text = String(value);
+  if (RIGHT_TO_LEFT.test(text)) return `\u2068${text}\u2069`; // or the numbers beside it would be drawn on its other side
   return DECIMAL_COMMA.includes(language) && /^[+-]?\d+\.\d+$/.test(text) ? text.replace(".", ",") : text;
 }

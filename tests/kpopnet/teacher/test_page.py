@@ -135,6 +135,10 @@ def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korea
     browser.reads("#start", "Stop")
     browser.find("#start").send_keys(Keys.ENTER)
     assert browser.find("#start").text == "Start" and browser.find("#error").text == ""
+    assert browser.find("#speed").get_attribute("value") == "50"  # as it was chosen before
+    browser.refresh()
+    browser.find("#practise option[value='80']")
+    assert browser.find("#start").text == "Start"  # what was stopped does not begin by itself
 
 
 def test_a_narrow_screen_in_the_dark_and_two_lessons_at_once_and_no_third(address, browser):

@@ -66,6 +66,7 @@ test("the week's plan holds the three worst phrases of late, by their latest try
   const dance = (identity, ...tries) => ({ identity, name: identity, phrase_s: 4, seconds: 13, tries });
   const dances = [dance("a", one("20260301-120000-000", 90, 40, null), one("20260228-120000-000", 10, 10, 50)),
     dance("b", one("20260302-120000-000", 30, 79.9, 81, 5)), dance("c", one("20260101-120000-000", 1))];
+  dances[0].tries.unshift(one("20270301-120000-000", 5, 5, 5)); // when the clock was wrong
   const plan = weekPlan(dances, new Date(2026, 2, 3));
   assert.deepEqual(plan.map(({ text }) => text), ["b, phrase 1 (30 of 100)", "a, phrase 2 (40 of 100)", "a, phrase 3 (50 of 100)"]);
   assert.ok(plan[1].href.startsWith("#/dance/a?phrase=1&practise="));

@@ -23,7 +23,7 @@ const REPLIES = {
 const heard = {};
 let listeners, sent, draw, closed;
 Object.assign(globalThis, {
-  devicePixelRatio: 1, location: { hash: "", protocol: "http:", host: "127.0.0.1:1" }, requestAnimationFrame: (call) => { draw = call; },
+  devicePixelRatio: 1, location: { hash: "", protocol: "http:", host: "127.0.0.1:1" }, history: { replaceState() {} }, requestAnimationFrame: (call) => { draw = call; },
   getComputedStyle: () => ({ getPropertyValue: () => "" }),
   AudioContext: class { constructor() { return new Proxy(this, { get: (_, name) => (name === "close" ? () => closed++ : anything) }); } },
   fetch: async (path) => Response.json(REPLIES[path]),

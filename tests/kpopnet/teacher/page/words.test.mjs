@@ -31,3 +31,7 @@ test("what the server sends is said whole, with decimal commas in numbers alone"
   assert.equal(say({ say: "the recording {name}", name: "take.2.npz" }), "die Aufnahme take.2.npz");
   assert.equal(say("{what} {figure}", { what: say("place"), figure: 0.5 }), "Position 0,5");
 });
+
+test("a name that is written from right to left does not turn the numbers beside it", () => {
+  assert.equal(say("Last: {name}, {total} of 100.", { name: "مرحبا 2", total: 97 }), "Zuletzt: \u2068مرحبا 2\u2069, 97 von 100.");
+});
