@@ -12,7 +12,7 @@ from safetensors.numpy import load_file
 from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
 from kpopnet.networks import WEIGHTS, ModelConfig, check_description, read_meta
-from kpopnet.runtime.input_files import expect, parse_json, read_with
+from kpopnet.runtime.input_files import expect, names_in, parse_json, read_with
 from kpopnet.runtime.provenance import optional_library
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.weights import shipped
@@ -117,6 +117,8 @@ class OnnxBackend:
             self.outputs.append(PERSON_LOGIT)
             del found[PERSON_LOGIT]
         expect(found == wanted, str(path), f"values of the shapes {wanted} for each crop, found {found}")
+        types = {one.type for one in (*session.get_inputs(), *session.get_outputs())}
+        expect(types == {"tensor(float)"}, str(path), f"float32 values, found {names_in(types)}")
         read_with(lambda _: self(np.zeros((1, *size), np.float32)), self.path, "ONNX Runtime cannot run it")
 
     def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:

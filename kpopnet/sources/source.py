@@ -91,10 +91,17 @@ class DepthSource:
             raise InputError(f"{self.name}: no image in it")
 
 
+MOST_TIMES_AS_LONG = 64
+"""Of an image, its longer side: pictures of a strip would be of no size, or of any."""
+
+
 def check_size(where: str, width: int, height: int, frames: int | None = None) -> None:
     """Raises InputError for images, or a number of them, that no depth camera makes, before memory is taken for them."""
     if not (width > 0 and height > 0 and width * height <= MAX_IMAGE_PIXELS):
         raise InputError(f"{where}: images of {width}x{height} pixels; expected 1 to {MAX_IMAGE_PIXELS:,} pixels")
+    if max(width, height) > MOST_TIMES_AS_LONG * min(width, height):
+        expected = f"one side at most {MOST_TIMES_AS_LONG} times as long as the other"
+        raise InputError(f"{where}: images of {width}x{height} pixels; expected {expected}")
     if frames is not None and not 0 < frames <= MAX_FRAMES:
         raise InputError(f"{where}: {frames:,} images; expected 1 to {MAX_FRAMES:,}")
 

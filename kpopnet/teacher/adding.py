@@ -19,10 +19,11 @@ from kpopnet.datasets.dances.dance_set import TEACHER, KpopSet
 from kpopnet.datasets.dances.dance_set import read_performance as read_kpop
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
-from kpopnet.runtime.input_files import check_fields, expect
+from kpopnet.runtime.input_files import check_fields, expect, parse_json
+from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.sources.opening import CONVERTERS, READERS, WITH_NAMES
-from kpopnet.teacher.library import MOST_DANCERS, Library, taught_dance
+from kpopnet.teacher.library import MAX_PLACE_M, MOST_DANCERS, Library, taught_dance
 from kpopnet.teacher.posing import MAX_S, at_rate, posed
 
 IS_OF_LIMB = np.array([joint.name.endswith(("ELBOW", "HAND", "KNEE", "FOOT")) for joint in Joint])
@@ -59,6 +60,8 @@ def add_group(
     begin_s, end_s = (pick(float(one.times_s[at]) for one in dancers) for pick, at in ((max, 0), (min, -1)))
     check_length(where, end_s - begin_s)
     danced = [at_rate(one, FPS, begin_s, end_s) for one in dancers]
+    near = not any((np.abs(joints_m) >= MAX_PLACE_M).any() for joints_m in danced)
+    expect(near, where, f"joints within {MAX_PLACE_M:g} m of the camera")
     seen = [at_rate(_without_guesses(one), FPS, begin_s, end_s) for one in dancers]
     taught = [
         taught_dance(title, FPS, bpm, seen_m, *posed(joints_m, library.body), own=True)
@@ -91,6 +94,15 @@ def recorded(message: Any) -> Performance:
     seen = np.array([[numbers_in(one, (4,), where) for one in frame["joints"]] for frame in message["frames"]])
     times_s = np.array([frame["time_s"] for frame in message["frames"]], float)
     return checked_performance(seen[..., :3], times_s, np.nan_to_num(seen[..., 3]), where)
+
+
+def read_recorded(path: Path) -> Performance:
+    """`recorded` of a page's message, in a process with limits of time and memory, which a hostile one may harm."""
+    return Performance(**read_in_child(_recorded_arrays, path))
+
+
+def _recorded_arrays(path: Path) -> dict[str, Any]:
+    return vars(recorded(parse_json(path.read_bytes(), "the recording")))
 
 
 def _without_guesses(performance: Performance) -> Performance:

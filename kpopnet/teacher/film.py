@@ -94,7 +94,7 @@ def _course(result: dict, dance_s: float) -> tuple[float, float, float, np.ndarr
         begin_s, end_s, speed = (float(result[name]) for name in ("from_s", "to_s", "speed"))
         scored_s, totals = (np.array(result["course"][name], float) for name in ("time_s", "total"))
         end_s = min(end_s or dance_s, dance_s)
-        if not (len(scored_s) == len(totals) > 0 and 0.1 <= speed <= 2 and 0 <= begin_s < end_s):
+        if not (scored_s.shape == totals.shape == (len(totals),) != (0,) and 0.1 <= speed <= 2 and 0 <= begin_s < end_s):
             raise ValueError
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("this try holds no course of its score; it is damaged") from error
@@ -208,7 +208,8 @@ def make_film(connection: Connection, library: Library, tries: Tries, dance: str
         try:
             learner, result = tries.joints(dance, name), tries.result(dance, name)
             number, dancers = result.get("dancer", 0), library.dance(dance).dancers
-            expect(number in range(len(dancers)), f"{dance}/{name}: dancer", f"one of the {len(dancers)} of the dance")
+            is_one = type(number) is int and number in range(len(dancers))
+            expect(is_one, f"{dance}/{name}: dancer", f"one of the {len(dancers)} of the dance")
             path = tries.film_path(dance, name)
             write_film(path, library.body, dancers[number], learner, result, tell)
             try:

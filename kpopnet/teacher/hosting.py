@@ -76,6 +76,8 @@ async def _errors(request: web.Request, handler) -> web.StreamResponse:
         return await handler(request)
     except InputError as error:
         return web.json_response({"error": keyed(error.said)}, status=400)
+    except web.RequestPayloadError:
+        return web.json_response({"error": keyed(Said("the file is damaged"))}, status=400)
     except web.HTTPRequestEntityTooLarge:
         most = Said("the file is larger than {most} MB", most=f"{request.client_max_size / 1e6:g}")
         return web.json_response({"error": keyed(most)}, status=413)

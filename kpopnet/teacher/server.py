@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 import tempfile
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said, keyed
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
-from kpopnet.teacher.adding import USUAL_BPM, add_group, recorded
+from kpopnet.teacher.adding import USUAL_BPM, add_group, read_recorded
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import page_app
 from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
@@ -128,23 +129,25 @@ async def upload(request: web.Request) -> web.Response:
     suffix = Path(request.query.get("file", "")).suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(Said("a dance is a file that ends with {endings}", endings=SUFFIXES))
-    content = await _sent(request)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"dance{suffix}"
-        path.write_bytes(content)
-        try:
-            performance = await asyncio.to_thread(read_strangers_performance, path)
-        except InputError as error:
-            raise InputError(str(error).replace(str(path), "the file")) from error
-    return await _added(request, performance, Said("the file"))
+    return await _added(request, await _read(request, read_strangers_performance, suffix), Said("the file"))
 
 
 @routes.post("/api/recordings")
 async def keep_recording(request: web.Request) -> web.Response:
     """Adds a dance that the page recorded: the body is as `recorded` takes it, the query as of `upload`."""
+    return await _added(request, await _read(request, read_recorded, ".json"), Said("the recording"))
+
+
+async def _read(request: web.Request, reader: Callable[[Path], Performance], suffix: str) -> Performance:
+    """The dance of a request's body, read by a process with limits."""
     content = await _sent(request)
-    message = parse_json(content, "the recording")
-    return await _added(request, await asyncio.to_thread(recorded, message), Said("the recording"))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"dance{suffix}"
+        path.write_bytes(content)
+        try:
+            return await asyncio.to_thread(reader, path)
+        except InputError as error:
+            raise InputError(str(error).replace(str(path), "the file")) from error
 
 
 async def _sent(request: web.Request) -> bytes:
@@ -185,7 +188,7 @@ async def names(request: web.Request) -> web.Response:
 @routes.post("/api/profiles")
 async def add_profile(request: web.Request) -> web.Response:
     """Adds a profile; the body is the JSON of a `Profile`."""
-    profile = settings_from(Profile, parse_json(await request.text(), "the page's message"), "the profile")
+    profile = settings_from(Profile, parse_json(await _sent(request), "the page's message"), "the profile")
     return web.json_response({"who": request.app[TEACHING].profiles.add(profile)})
 
 

@@ -140,7 +140,7 @@ def scene_tile(
 
 def enlarged(image: np.ndarray, width_px: int, interpolation: int = cv2.INTER_NEAREST) -> np.ndarray:
     """Resizes an image to another width."""
-    height_px = round(image.shape[0] * width_px / image.shape[1])
+    height_px = max(round(image.shape[0] * width_px / image.shape[1]), 1)
     return cv2.resize(image, (width_px, height_px), interpolation=interpolation)
 
 

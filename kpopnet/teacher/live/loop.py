@@ -279,7 +279,7 @@ def as_rows(pose: PersonPose) -> list[list[float | None]]:
 
 def picture(depth_m: np.ndarray, most_wide: int = PICTURE_WIDTH) -> bytes:
     """A small picture of (H, W) depth: width and height as two uint16, then a byte a pixel, 0 not measured, 1 near, 255 far."""
-    stride = max(1, round(depth_m.shape[1] / most_wide))
+    stride = max(1, round(max(depth_m.shape) / most_wide))
     small = depth_m[::stride, ::stride]
     shade = 1 + np.clip((small - NEAR_M) / (FAR_M - NEAR_M), 0, 1) * 254
     pixels = np.where(small > 0, shade, 0).astype(np.uint8)

@@ -130,6 +130,14 @@ def test_what_cannot_be_exported_or_run_is_refused(run, tmp_path, monkeypatch):
     assert not list(tmp_path.glob("*.onnx"))
 
 
+def in_double(model):
+    (joints,) = (one for one in model.graph.output if one.name == "joints")
+    (node,) = (one for one in model.graph.node if "joints" in one.output)
+    node.output[list(node.output).index("joints")] = "joints_float"
+    model.graph.node.append(onnx.helper.make_node("Cast", ["joints_float"], ["joints"], to=onnx.TensorProto.DOUBLE))
+    joints.type.tensor_type.elem_type = onnx.TensorProto.DOUBLE
+
+
 def lead_out(model):
     weight = model.graph.initializer[0]
     weight.ClearField("raw_data")
@@ -142,9 +150,10 @@ def lead_out(model):
     [
         (None, "not an ONNX file, or a damaged one"),
         (lambda model: model.ClearField("metadata_props"), "no entry kpopnet"),
+        (in_double, r"expected float32 values, found tensor\("),
         (lead_out, "not an ONNX file, or a damaged one .*(External data path|Initializer)"),
     ],
-    ids=["cut", "undescribed", "external"],
+    ids=["cut", "undescribed", "double", "external"],
 )
 def test_other_files_are_refused_in_one_line(run, tmp_path, change, message):
     content = (run / "pose.onnx").read_bytes()

@@ -44,6 +44,13 @@ def test_a_file_that_tells_its_camera_needs_nothing_else(write, name, tmp_path):
     assert source.camera == CAMERA and source.frames == len(METRES)
 
 
+@pytest.mark.parametrize("shape", [(9000, 4), (2, 6000)])
+def test_a_strip_is_refused(shape, tmp_path):
+    np.save(tmp_path / "a.npy", np.full((3, *shape), 2000, np.uint16))
+    with pytest.raises(InputError, match=r"a\.npy.* pixels; expected one side at most 64 times as long as the other"):
+        open_depth(tmp_path / "a.npy", Camera.centred(140.0, *shape[::-1]))
+
+
 def test_tiff_npy_and_single_images_take_the_camera_given(tmp_path):
     write_pngs(tmp_path / "tiffs", METRES, ".tif")
     np.save(tmp_path / "a.npy", MILLIMETRES.astype(">u2"))

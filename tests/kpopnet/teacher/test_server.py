@@ -176,9 +176,15 @@ async def test_a_dance_recorded_by_the_page_is_a_lesson_and_another_message_a_cl
         ({"frames": [{"time_s": 0.0, "joints": [["x"] * 4] * 15}]}, "4 numbers"),
         ({"frames": [{"time_s": time_s, "joints": [one] * 15} for time_s in (0.0, 0.0)]}, "times must"),
         ({"frames": [{"time_s": time_s, "joints": [[None] * 4] * 15} for time_s in (0.0, 0.1)]}, "missing in every frame"),
+        (
+            {"frames": [*frames, {"time_s": 6.1, "joints": [[5e4, 0.0, 2.0, 0.9]] * 15}, frames[0] | {"time_s": 6.2}]},
+            "within 1000 m",
+        ),
     ):
         content = sent if isinstance(sent, str) else json.dumps(sent)
         assert told in await client.refused("/api/recordings", method="POST", data=content), told
+    damaged = {"data": b"no archive", "headers": {"Content-Encoding": "gzip"}}
+    assert await client.refused("/api/recordings", method="POST", **damaged) == "the file is damaged"
     dance = own.library.dance(added["identity"])
     assert dance.about.name == "Mine" and dance.about.bpm == 90 and 5.8 < dance.about.seconds < 6
     about_m = [joints_m - joints_m[:, [Joint.TORSO]] for joints_m in (dance.joints_m, danced[: len(dance.joints_m)])]
@@ -267,6 +273,14 @@ def test_a_history_reads_a_try_once_unless_it_changes_and_forgets_one_that_is_go
     first, second = tries.history("dance_001")
     assert (first["total"], first["phrases"], second["total"]) == (3.0, [{"start_s": 0.0, "total": 3.0}], 81.5)
     assert read == [changed] and "who" not in first and tries.history("dance_001", "p_00000000") == []
+
+
+def test_a_try_whose_phrases_are_damaged_leaves_others_alone_and_can_be_deleted(teaching, tried):
+    tries = teaching.tries
+    for phrases in (None, 5, "ab", [1, {"start_s": 0.0}]):
+        (damaged := tries.path("dance_001", tried(4.0), "json")).write_text(json.dumps({"who": "p_0", "phrases": phrases}))
+        assert [name for _, name in tries.of("p_0")] == [damaged.stem]
+        tries.remove("dance_001", damaged.stem)
 
 
 async def hold(socket, lesson: dict, draws: bool = True) -> tuple[dict, list[dict], list[str]]:

@@ -76,6 +76,7 @@ def test_the_picture_tells_near_from_far_and_from_nothing():
     assert shown[:4].view("<u2").tolist() == [24, 4]
     nothing, near, far = shown[4:7]
     assert nothing == 0 and 0 < near < 20 and far > 200
+    assert len(loop.picture(np.ones((80_000, 4), np.float32))) < 1000  # of a strip, too
 
 
 class Unsteady(LiveCamera):
