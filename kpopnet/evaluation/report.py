@@ -5,7 +5,6 @@ import hashlib
 import html
 import json
 import re
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -142,12 +141,6 @@ def write_text(path: Path, text: str) -> None:
         part.write_bytes(text.encode(errors="backslashreplace"))
 
 
-def printable(text: str) -> str:
-    """The text with backslash escapes, which are ASCII, for what the terminal cannot show."""
-    encoding = getattr(sys.stdout, "encoding", None) or "ascii"
-    return text.encode(encoding, "backslashreplace").decode(encoding)
-
-
 def _named_tables(blocks: list[Block]) -> dict[str, Table]:
     """The tables by the heading above them, with a number from the second one on."""
     name, tables = "summary", {}
@@ -162,7 +155,7 @@ def _named_tables(blocks: list[Block]) -> dict[str, Table]:
 
 def as_text(blocks: Iterable[str | Table]) -> str:
     """Texts and tables for a terminal."""
-    return printable("\n\n".join(block.text() if isinstance(block, Table) else block for block in blocks))
+    return "\n\n".join(block.text() if isinstance(block, Table) else block for block in blocks)
 
 
 def as_markdown(blocks: Sequence[Block]) -> str:

@@ -85,7 +85,7 @@ class Watcher:
 
         False at the end of a recording, or where the user quits.
         """
-        steady, began, compiled = 0, time.monotonic(), False
+        steady, began, compiled, image = 0, time.monotonic(), False, None
         while steady < STEADY_FRAMES and time.monotonic() - began < NOBODY_S:
             self._follow()
             if self._quit:
@@ -99,6 +99,8 @@ class Watcher:
                 began = time.monotonic()
                 continue
             if read is None:
+                if image is not None and not self._number and not self._paused:
+                    self._see(image)  # a short recording: all of it came while kernels were compiled
                 return False
             image, before = Image(*read), time.monotonic()
             if not compiled:  # the first time on a machine this takes up to a minute

@@ -31,7 +31,7 @@ from kpopnet.dance.words.moments import phrase_length_s
 from kpopnet.errors import InputError, check_between
 from kpopnet.estimator import Estimator
 from kpopnet.evaluation.dances.score_text import score_json, score_notes, score_text
-from kpopnet.evaluation.report import printable, write_text
+from kpopnet.evaluation.report import write_text
 from kpopnet.evaluation.values import plain
 from kpopnet.languages import LANGUAGES, Said, in_language
 from kpopnet.programs.arguments import add_grading, check_grading, program_parser
@@ -196,4 +196,4 @@ def main() -> None:
         write_json(given.out / "score.json", content, allow_nan=False)
     look = Said("look at {path}", path=str(given.out / "score.html"))
     text = (*score_text(score, advice, [*told, *notes], beat_s), look)
-    print(printable("\n".join(in_language(line, given.lang) for line in text)))
+    print("\n".join(in_language(line, given.lang) for line in text))

@@ -265,12 +265,12 @@ def checked_sources(given: argparse.Namespace) -> tuple[dict[str, str | Said], C
 
 def serve(given: argparse.Namespace) -> None:
     """Serves the page until the program is interrupted."""
+    sources, open_recording = checked_sources(given)  # which also tells of a missing server library
     from kpopnet.teacher.hosting import host
     from kpopnet.teacher.server import Teaching, make_app
     from kpopnet.teacher.tries import Tries
     from synth.dances.live import FAULTS, SKILLS
 
-    sources, open_recording = checked_sources(given)
     with locked(given.data):
         library = made_library(given.data)
     with shared_live(given.live) as opened:

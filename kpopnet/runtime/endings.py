@@ -2,6 +2,7 @@
 
 import errno
 import functools
+import io
 import logging
 import os
 import select
@@ -9,6 +10,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from types import FrameType
 from typing import ParamSpec, TextIO, TypeGuard, TypeVar
 
@@ -52,13 +54,14 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
         os.environ["HYDRA_FULL_ERROR"] = "1"
         logging.raiseExceptions = False  # where no log can be written, no result can: that error is printed
         threading.excepthook = _thread_ended
+        _open_output()
         try:
             try:
                 result = function(*args, **kwargs)
             except SystemExit:
-                _flush()
+                sys.stdout.flush()
                 raise
-            _flush()  # here, where errors of it can still be caught
+            sys.stdout.flush()  # here, where errors of it can still be caught
             return result
         except (KeyboardInterrupt, SystemError) as error:
             # Compiled code may make a SystemError of the interrupt.
@@ -74,7 +77,7 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
                 raise
             print(f"error: {message}", file=sys.stderr)
             try:
-                _flush()
+                sys.stdout.flush()
             except OSError:  # the disk to which this program's output goes is full: Python would say so once more
                 silence_output()
             raise SystemExit(1) from None
@@ -82,9 +85,13 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
     return careful
 
 
-def _flush() -> None:
-    if sys.stdout is not None:  # as of a program without a console
-        sys.stdout.flush()
+def _open_output() -> None:
+    """Has what a stream cannot show printed as backslash escapes, and nowhere what a program without a console prints."""
+    for name in ("stdout", "stderr"):
+        if (stream := getattr(sys, name)) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115 until the program ends
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def silence_output() -> None:

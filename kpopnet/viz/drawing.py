@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.skeleton import BONES, JOINT_NAMES
 
@@ -199,12 +198,9 @@ def _bordered(image: np.ndarray, below: int, left: int = 0, right: int = 0) -> n
 
 
 def save_png(path: Path | str, image: np.ndarray) -> None:
-    """Writes an RGB image to a PNG file atomically, and creates its folder; raises InputError if it cannot."""
+    """Writes an RGB image to a PNG file atomically, and creates its folder."""
     path = Path(path)
     _, encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(path) as part:
-            part.write_bytes(encoded.tobytes())
-    except OSError as error:
-        raise InputError(f"{path}: the image cannot be written ({error.strerror}); give another path") from error
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_path(path) as part:
+        part.write_bytes(encoded.tobytes())

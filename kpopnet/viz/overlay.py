@@ -1,5 +1,7 @@
 """Skeletons over the depth images of a recording, as a sheet, a video or a GIF."""
 
+import errno
+import os
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import chain
@@ -76,6 +78,8 @@ def write_video(path: Path, images: Iterable[np.ndarray], fps: float) -> None:
             for image in chain([first], images):
                 writer.write(cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
             writer.release()
+            if not cv2.VideoCapture(str(named)).isOpened():  # OpenCV does not tell of a full disk
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
             named.replace(part)
         finally:
             writer.release()

@@ -149,7 +149,10 @@ class Relay:
 
     def __init__(self, file: BinaryIO | None = None) -> None:
         """Waits for the first line. Raises InputError if it is no header."""
-        self._file = file or open(0, "rb", closefd=False)  # noqa: SIM115 Python's own file is locked at exit by who reads it
+        try:
+            self._file = file or open(0, "rb", closefd=False)  # noqa: SIM115 Python's own is locked at exit by who reads it
+        except OSError as error:
+            raise InputError("standard input is closed: send depth to it, as of `python send.py |`") from error
         if self._file.isatty():
             raise InputError("standard input is a terminal: send depth to it, as in `python send.py | kpopnet teach --live -`")
         self._line = self._file.readline(LINE_BYTES)
@@ -159,7 +162,13 @@ class Relay:
         self._folder = tempfile.TemporaryDirectory(prefix="kpopnet-")
         self.address = f"{STDIN}{self._folder.name}/depth"
         self._listener = socket.socket(socket.AF_UNIX)
-        self._listener.bind(self.address.removeprefix(STDIN))
+        try:
+            self._listener.bind(self.address.removeprefix(STDIN))
+        except OSError as error:  # about a hundred letters are the most
+            self._listener.close()
+            self._folder.cleanup()
+            where = self._folder.name
+            raise InputError(f"{where}: no socket can be made there ({error}); set TMPDIR to a shorter folder") from error
         self._listener.listen()
         for work in (self._read, self._accept):
             threading.Thread(target=work, daemon=True, name=f"relay {work.__name__}").start()

@@ -1,16 +1,14 @@
 """A report is written whatever its names are, and each file whole or not at all."""
 
 import base64
-import io
 import json
 import math
-import sys
 from dataclasses import dataclass
 
 import pytest
 
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.report import Heading, Picture, Report, as_html, printable, write
+from kpopnet.evaluation.report import Heading, Picture, Report, as_html, write
 from kpopnet.evaluation.values import Table, Value
 
 NAME = "a\udcffb"
@@ -76,10 +74,3 @@ def test_a_report_lists_the_files_of_each_estimator(tmp_path):
     assert json.loads((tmp_path / "metrics.json").read_text())["files"] == files
     sentence = "estimators: ridge checkpoint=runs/ridge/best, tracker network=runs/best model=me.json, plain no file; config"
     assert sentence in (tmp_path / "report.md").read_text()
-
-
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
-def test_reports_can_be_printed_in_every_terminal(monkeypatch, encoding):
-    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), encoding=encoding))
-    print(report().text(), printable("\u00e9\uc548"))
-    sys.stdout.flush()

@@ -61,8 +61,17 @@ def test_help_that_no_program_reads_ends_quietly_too(words):
     assert unread(program, *words) == (b"", 141)
 
 
-def test_a_program_without_a_console_ends_well():
-    assert ended("sys.stdout = None; print('nowhere')") == (b"", 0)
+@pytest.mark.parametrize("closed", ["1>&-", "2>&-", "1>&- 2>&-"])
+def test_a_program_without_a_console_gets_done(tmp_path, closed):
+    what = f"print('nowhere'); print('nor here', file=sys.stderr); open({str(tmp_path / 'done')!r}, 'x').close()"
+    shell = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-c", PROGRAM.format(what=what)]
+    assert subprocess.run(shell, cwd=ROOT, input=b"", check=False).returncode == 0 and (tmp_path / "done").exists()
+
+
+def test_what_a_terminal_cannot_show_is_printed_as_escapes(monkeypatch):
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    told, code = ended("print('\u00e9\uc548', file=sys.stderr); print('\ucda4')")
+    assert (told, code) == (b"\\xe9\\uc548\n", 0)
 
 
 def test_a_folder_where_a_file_should_be_is_named_by_its_own_name(tmp_path):

@@ -4,6 +4,9 @@ import contextlib
 import math
 import os
 import socket
+import subprocess
+import sys
+import tempfile
 import threading
 import time
 from pathlib import Path
@@ -11,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from depth_files import CAMERA, FPS, depth_mm, next_image, sent_image, sent_line, write_sent
+from programs import ROOT
 
 from kpopnet.errors import InputError
 from kpopnet.languages import in_language
@@ -195,6 +199,19 @@ def test_standard_input_reaches_several_cameras_and_ends(monkeypatch):
                 assert next_image(camera) is None
                 camera.close()
         assert not Path(relay.address.partition(":")[2]).parent.exists()
+
+
+def test_a_folder_too_deep_for_a_socket_and_an_input_that_is_closed_are_told(tmp_path, monkeypatch):
+    path, deep = write_sent(tmp_path / "a.depth", IMAGES), tmp_path / ("d" * 100)
+    deep.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(deep))
+    with path.open("rb") as file, pytest.raises(InputError, match=r"no socket can be made there .*; set TMPDIR to a shorter"):
+        Relay(file)
+    told = subprocess.run(
+        ["sh", "-c", 'exec "$@" <&-', "sh", sys.executable, "-m", "kpopnet.cli", "live", "-", "--no-page", "--stream", "csv"],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert told.stderr == "error: standard input is closed: send depth to it, as of `python send.py |`\n"
 
 
 def test_of_images_that_all_came_before_a_camera_it_gets_the_last_one(tmp_path):

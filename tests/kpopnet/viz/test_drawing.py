@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from kpopnet.camera import Camera
-from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import BACKGROUND, ESTIMATED, depth_rgb, draw_skeleton, person_view, save_png
 
@@ -23,11 +22,11 @@ def test_a_joint_is_drawn_at_its_projection_in_the_colour_of_its_side(scale):
         assert tuple(image[round(rows.mean()), round(columns.mean())]) == colour
 
 
-def test_an_image_that_cannot_be_written_is_an_input_error(tmp_path):
+def test_an_image_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").touch()
     (tmp_path / "folder.png").mkdir()
-    for path in (tmp_path / "file" / "a.png", tmp_path / "folder.png"):
-        with pytest.raises(InputError, match=rf"{path}: the image cannot be written \("):
+    for path, named in ((tmp_path / "file" / "a.png", "file"), (tmp_path / "folder.png", "folder.png")):
+        with pytest.raises(OSError, match=str(tmp_path / named)):
             save_png(path, np.zeros((4, 4, 3), np.uint8))
     save_png(tmp_path / "new" / "a.png", np.zeros((4, 4, 3), np.uint8))
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["a.png", "file", "folder.png", "new"]

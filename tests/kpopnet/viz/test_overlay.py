@@ -1,5 +1,6 @@
 """Overlays: skeletons where the camera sees them, videos and GIFs that play, with PyAV and without."""
 
+import subprocess
 import sys
 
 import cv2
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from capsule_people import CAMERA, draw_depth, draw_joints
 from PIL import Image
+from programs import ROOT
 
 from kpopnet.camera import Camera
 from kpopnet.viz.overlay import overlay_image, resized, save_gif, write_video
@@ -40,6 +42,20 @@ def test_a_video_plays_with_its_frames_in_order_and_one_that_is_interrupted_leav
     with pytest.raises(KeyboardInterrupt):
         write_video(tmp_path / "b.mp4", interrupted(), 25.0)
     assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
+
+
+def test_a_film_that_a_full_disk_cuts_short_is_none_also_by_opencv(tmp_path):
+    script = f"""
+import resource, sys
+import numpy as np
+sys.modules["av"] = None
+from pathlib import Path
+from kpopnet.viz.overlay import write_video
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+write_video(Path({str(tmp_path / "a.mp4")!r}), np.random.default_rng(0).integers(0, 255, (60, 480, 640, 3), np.uint8), 25.0)
+"""
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert "OSError" in done.stderr and not list(tmp_path.iterdir())
 
 
 def test_a_narrow_image_is_not_enlarged_beyond_what_videos_hold():
