@@ -19,6 +19,9 @@ and who dances at another tempo leaves the band of delays before the half of a l
 MOST_WINDOWS = 500
 """Windows whose pairs give a tempo: all pairs of a dance of two hours would take 4 GB."""
 
+NEAR_SHARE = 1 / 3
+"""Of a dance, how far apart pairs of windows are that give a tempo."""
+
 HARMONICS, BEAT_STEPS = 3, 400
 """Of the mean course of a hand over a beat: waves of its Fourier series, and samples."""
 
@@ -33,7 +36,8 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray, weight:
     """The learner's tempo divided by the teacher's, from the slope of the delay.
 
     A learner at r times the teacher's tempo shows at time t what the teacher shows at r t, so the delay grows by 1 - r a
-    second. The slope is the median over pairs of windows (Theil 1950), so that windows matched in a wrong place do not count.
+    second. The slope is the median over pairs of windows (Theil 1950), so that windows matched in a wrong place do not count:
+    pairs that are apart by NEAR_SHARE of the dance at most, fewer than half of which go across a single pause in it.
     The (N,) start and delay of the windows are seconds, the delay NaN where unknown; those without weight do not count. NaN
     unless MIN_WINDOWS windows, and half of all or SURE_WINDOWS, have a known delay and a posture of at least MIN_POSTURE.
     """
@@ -43,7 +47,8 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray, weight:
     good = good[np.linspace(0, len(good) - 1, min(len(good), MOST_WINDOWS)).astype(int)]
     first, second = np.triu_indices(len(good), 1)
     rise_s, run_s = (one[good][second] - one[good][first] for one in (delay_s, start_s))
-    return float(1 - np.median(rise_s / run_s))
+    near = run_s <= NEAR_SHARE * np.ptp(start_s[good])
+    return float(1 - np.median(rise_s[near] / run_s[near]))
 
 
 def measured_latency_s(delay_s: np.ndarray, posture: np.ndarray) -> float:

@@ -43,9 +43,9 @@ function correlation(curve, lag) {
   return sum / (curve.length - lag);
 }
 
-// How much of a curve beats at a tempo, once and twice a beat.
-function strength(curve, bpm) {
-  return [1, 2].reduce((found, times) => {
+// How much of a curve beats at a tempo, once and twice a beat, or as many times as are given.
+function strength(curve, bpm, harmonics = [1, 2]) {
+  return harmonics.reduce((found, times) => {
     const angle = 2 * Math.PI * times * bpm / 60 / RATE_HZ;
     let [real, imaginary] = [0, 0];
     for (let i = 0; i < curve.length; i++) {
@@ -71,9 +71,13 @@ export function beatsOf(samples, rate) {
   const centred = all.map((value) => value - mean), lags = range(RATE_HZ * 60 / LEAST_BPM - RATE_HZ * 60 / MOST_BPM + 1, (i) => i + RATE_HZ * 60 / MOST_BPM);
   const usual = (lag) => Math.exp(-0.5 * (Math.log2(60 * RATE_HZ / lag / USUAL_BPM) / OCTAVES) ** 2);
   const weighted = new Map(lags.map((lag) => [lag, usual(lag) * (correlation(centred, lag) + correlation(centred, 2 * lag))]));
-  const about = 60 * RATE_HZ / best(lags, (lag) => weighted.get(lag));
-  const near = range(2 * NEAR_STEPS + 1, (i) => about * (1 + NEAR * (i - NEAR_STEPS) / NEAR_STEPS));
-  const strengths = new Map(near.map((bpm) => [bpm, strength(all, bpm)])), bpm = best(near, (one) => strengths.get(one));
+  const repeats = 60 * RATE_HZ / best(lags, (lag) => weighted.get(lag));
+  const near = (bpm) => range(2 * NEAR_STEPS + 1, (i) => bpm * (1 + NEAR * (i - NEAR_STEPS) / NEAR_STEPS));
+  const strongest = (bpm, harmonics) => Math.max(...near(bpm).map((one) => strength(all, one, harmonics)));
+  // A fast song repeats after one and a half beats as well, but beats more at its own tempo, with half and quarter beats or without.
+  const about = [1.5 * repeats, repeats / 1.5].find((bpm) => bpm >= LEAST_BPM && bpm <= MOST_BPM
+    && [[1], [1, 2], [1, 2, 4]].every((harmonics) => strongest(bpm, harmonics) > strongest(repeats, harmonics))) ?? repeats;
+  const strengths = new Map(near(about).map((bpm) => [bpm, strength(all, bpm)])), bpm = best(near(about), (one) => strengths.get(one));
 
   const period = 60 * RATE_HZ / bpm, bins = Math.round(period), folded = new Float64Array(bins);
   const bin = (frame) => Math.floor(frame % period / period * bins) % bins;

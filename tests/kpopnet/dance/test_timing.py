@@ -40,3 +40,11 @@ def test_the_tempo_of_a_dance_of_two_hours_takes_little_memory():
     found = tempo(start_s, -0.02 * start_s + rng.normal(0, 0.1, len(start_s)), *np.full((2, len(start_s)), 90.0))
     assert found == pytest.approx(1.02, abs=1e-4) and tracemalloc.get_traced_memory()[1] < 50e6
     tracemalloc.stop()
+
+
+@pytest.mark.parametrize("ratio", [0.95, 1.0, 1.06])
+@pytest.mark.parametrize("pause_s", [0.0, 0.5])
+def test_a_pause_is_no_tempo(ratio, pause_s):
+    start_s = 0.5 * np.arange(36)
+    delay_s = (1 - ratio) * start_s + pause_s * (start_s > 9)
+    assert tempo(start_s, delay_s, *np.full((2, len(start_s)), 90.0)) == pytest.approx(ratio, abs=1e-6)

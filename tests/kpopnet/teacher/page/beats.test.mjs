@@ -25,6 +25,13 @@ test("tempo within 0.1 beats a minute and the one within 20 ms", () => {
   }
 });
 
+test("fast songs have their tempo, or half of it", () => {
+  for (const [name, bpm] of [["house", 165], ["house", 172], ["house", 184], ["bounce", 150], ["bounce", 168], ["bounce", 180], ["slow", 170]]) {
+    const octaves = Math.log2(beatsOf(song(name, bpm, 0), RATE).bpm / bpm);
+    assert.ok(Math.abs(octaves - Math.round(octaves)) < 0.002, `${name}, ${bpm}`);
+  }
+});
+
 test("silence and a single tone have no beats", () => {
   assert.throws(() => beatsOf(new Float32Array(10 * RATE), RATE), /tap them/);
 });
