@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.dance.dimensions.stage import CENTRED_M, DIMENSIONS, StageScore, Stance, figure, stance
+from kpopnet.dance.dimensions.stage import CENTRED_M, DIMENSIONS, StageScore, Stance, figure, levelling, stance
 from kpopnet.dance.performance import Performance, resampled
 from kpopnet.dance.scoring import Stretches
 from kpopnet.dance.window import FPS, WINDOW_S
@@ -49,8 +49,10 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance], 
     if not len(at_s):
         return None
     joints_m = [resampled(one.joints_m, one.confidence, one.times_s, at_s)[0] for one in both]
-    stances = [stance(one) for one in joints_m]
     groups = {"teacher": slice(len(teachers)), "learner": slice(len(teachers), None)}
+    # Levelled together: each by a rotation of their own, one who leans would move to another place.
+    levels = {name: levelling(joints_m[group]) for name, group in groups.items()}
+    stances = [stance(one, levels[name]) for name, group in groups.items() for one in joints_m[group]]
     if centred := tuple(name for name, group in groups.items() if _is_centred(joints_m[group], stances[group])):
         return Formation(math.nan, math.nan, [], centred)
     places_m = np.array([np.stack([one.hips_m[:, 0], -one.hips_m[:, 2]], axis=1) for one in stances])  # to the left, forward

@@ -20,7 +20,7 @@ and a foot is a point without a direction.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -123,12 +123,11 @@ class Stance(NamedTuple):
         hips_m, trunk = (float(np.linalg.norm(one[known].std(axis=0))) for one in (self.hips_m, self.trunk))
         return hips_m < CENTRED_M and trunk > TRUNK
 
-    def on_stage(self, begin: np.ndarray) -> dict[str, np.ndarray]:
-        """(T, C) by dimension, where the stage's middle and front are the mean place and heading at the frames `begin`.
+    def on_stage(self, begin: np.ndarray, front: float) -> dict[str, np.ndarray]:
+        """(T, C) by dimension, on a stage whose middle is the mean place at the frames `begin`, and its front in radians.
 
         Place to the left and forward, height up, in lengths of the body; lean and facing as unit directions.
         """
-        front = math.atan2(np.sin(self.heading[begin]).mean(), np.cos(self.heading[begin]).mean())
         moved = (self.hips_m - self.hips_m[begin].mean(axis=0)) / self.length_m
         place = np.stack(_left_and_front(moved, np.full(len(moved), front)), axis=1)
         facing = np.stack([np.cos(self.heading - front), np.sin(self.heading - front)], axis=1)
@@ -173,7 +172,10 @@ def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarra
     begin = np.flatnonzero(teacher.known[matched] & learner.known)[: round(START_S * FPS)]
     if not len(begin):
         return StageScore({}, {}, learner.length_m, centred)
-    taught, danced = teacher.on_stage(matched[begin]), learner.on_stage(begin)
+    # Over a turn a mean heading is ill-conditioned, the mean difference is not.
+    front = _mean_angle(teacher.heading[matched[begin]])
+    turned = _mean_angle(learner.heading[begin] - teacher.heading[matched[begin]])
+    taught, danced = teacher.on_stage(matched[begin], front), learner.on_stage(begin, front + turned)
     figures, errors = {}, {}
     for name, dimension in DIMENSIONS.items():
         if centred and name in OF_THE_ROOM:
@@ -185,6 +187,10 @@ def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarra
         if len(compared) > LEAST_KNOWN * len(staying):
             figures[name] = figure(compared, staying)
     return StageScore(figures, errors, learner.length_m, centred)
+
+
+def _mean_angle(angles: np.ndarray) -> float:
+    return math.atan2(np.sin(angles).mean(), np.cos(angles).mean())
 
 
 def runs(flags: np.ndarray) -> list[slice]:
@@ -199,12 +205,11 @@ def figure(compared: np.ndarray, staying: np.ndarray) -> float:
     return 100 * max((float(compared.mean()) - lost) / (1 - lost), 0.0)
 
 
-def stance(joints_m: np.ndarray) -> Stance:
-    """The stance of (T, 15, 3) joints in metres in the camera frame."""
-    hips_m, feet_m = (joints_m[:, pair].mean(axis=1) for pair in (_HIPS, _FEET))
-    neck_m = joints_m[:, Joint.NECK]
+def stance(joints_m: np.ndarray, level: np.ndarray | None = None) -> Stance:
+    """The stance of (T, 15, 3) joints in metres in the camera frame, levelled by a (3, 3) rotation, by default the dancer's."""
+    level = levelling([joints_m]) if level is None else level
+    hips_m, neck_m = joints_m[:, _HIPS].mean(axis=1), joints_m[:, Joint.NECK]
     across_m = joints_m[:, [Joint.LEFT_HIP, Joint.LEFT_SHOULDER]] - joints_m[:, [Joint.RIGHT_HIP, Joint.RIGHT_SHOULDER]]
-    level = _levelling(neck_m - feet_m)
     hips_m, trunk_m, left_m = hips_m @ level.T, (neck_m - hips_m) @ level.T, across_m.mean(axis=1) @ level.T
     is_level = np.hypot(left_m[:, 0], left_m[:, 2]) > LEAST_LEVEL * np.linalg.norm(left_m, axis=1)
     heading = np.where(is_level, np.arctan2(left_m[:, 2], left_m[:, 0]), np.nan)
@@ -226,8 +231,11 @@ def _median(values: np.ndarray) -> float:
     return float(np.median(known)) if len(known) else math.nan
 
 
-def _levelling(up_m: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation of the camera frame after which the median of (T, 3) directions points up, if it did nearly before."""
+def levelling(dancers_m: Sequence[np.ndarray]) -> np.ndarray:
+    """(3, 3) rotation of the camera frame after which the direction from dancers' feet to necks points up in the median, if it
+    did nearly before, from the (T, 15, 3) joints of each in metres.
+    """
+    up_m = np.concatenate([joints_m[:, Joint.NECK] - joints_m[:, _FEET].mean(axis=1) for joints_m in dancers_m])
     lengths_m = np.linalg.norm(up_m, axis=1)
     known = lengths_m >= MIN_BONE_M  # false for NaN
     up = np.median(up_m[known] / lengths_m[known, None], axis=0) if known.any() else np.zeros(3)

@@ -93,3 +93,15 @@ def test_a_group_is_as_large_as_those_of_its_teachers_whose_feet_are_seen():
     for learners, teachers in ((0, 0), (3, 2)):
         with pytest.raises(InputError, match=f"{teachers} teachers and {learners} learners"):
             graded(group()[:learners], group()[:teachers])
+
+
+def test_members_are_levelled_together():
+    """The same group before two cameras, of which one looks down on it: one member leans all the time."""
+    leaning, cosine, sine = group(), *(f(np.radians(25)) for f in (np.cos, np.sin))
+    hips_m = leaning[0][:, HIPS].mean(axis=1, keepdims=True)
+    to_side = np.array([[np.cos(0.35), np.sin(0.35), 0], [-np.sin(0.35), np.cos(0.35), 0], [0, 0, 1]])
+    leaning[0] = hips_m + (leaning[0] - hips_m) @ to_side
+    looks_down = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+    above = [(one + np.array([0, 1.5, 0])) @ looks_down.T for one in leaning]
+    found = graded(above, leaning)
+    assert found.similarity > 99 and found.spread == pytest.approx(1, abs=0.01) and not found.remarks

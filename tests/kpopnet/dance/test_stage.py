@@ -129,6 +129,13 @@ def test_only_a_dance_whose_hips_never_move_is_about_them():
     assert stage(about_m).centred == ("learner",)
 
 
+def test_who_joins_late_in_a_turn_has_the_teachers_front():
+    teacher_m = dance_joints_m(0, 20.0)  # turns once round in its first two seconds, so that its mean heading says little
+    late_m, late = teacher_m.copy(), round(0.5 * FPS)
+    late_m[:late] = teacher_m[0]
+    assert stage(late_m, teacher_m=teacher_m).figures["facing"] > 85
+
+
 def test_what_is_most_wrong_is_said_in_words():
     learner_m = facing(-90) + elsewhere(0.8) - TEACHER_M
     remarks = {str(text): at_s for at_s, text in score_dance(performed(TEACHER_M), performed(learner_m)).stage_remarks()}
