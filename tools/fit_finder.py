@@ -29,7 +29,7 @@ from kpopnet.skeleton import Joint
 from synth.rooms.crops import matched
 from tools.fit_confidence import logistic_weights
 
-NEAR_M, LEAST_SHOWN = 0.3, 0.5
+LEAST_SHOWN = 0.5
 THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 
 

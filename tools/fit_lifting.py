@@ -27,7 +27,7 @@ from kpopnet.data.made_sets import claim_folder
 from kpopnet.errors import InputError
 from kpopnet.networks.lifting import READ, Lifting, Sighting
 from kpopnet.rotations import about, multiply
-from kpopnet.runtime.atomic_write import atomic_path, write_json, write_npz
+from kpopnet.runtime.atomic_write import write_json, write_npz, write_whole
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
@@ -229,8 +229,7 @@ def main() -> None:
     held_out = dict(list(films.items())[:: given.held_out]) if given.held_out else {}
     arrays = trained([one for number, one in films.items() if number not in held_out], given.steps)
     given.out.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_path(given.out) as part:
-        part.write_bytes(safetensors.numpy.save(arrays))
+    write_whole(given.out, safetensors.numpy.save(arrays))
     if held_out:
         figures = report(Lifting.load(given.out), held_out)
         if given.figures:

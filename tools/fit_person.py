@@ -33,7 +33,7 @@ from kpopnet.human import Human
 from kpopnet.networks import PERSON, WEIGHTS
 from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.network import PersonHead, PoseNetwork
-from kpopnet.runtime.atomic_write import atomic_path, write_json, write_npz
+from kpopnet.runtime.atomic_write import write_json, write_npz, write_whole
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import Joint
@@ -177,8 +177,10 @@ def main() -> None:
     )
     train, tied, judged = joined(learnt_from), joined(others[::2]), joined(others[1::2])
     head = fitted(train.features, train.is_person, network.config.widths[-1])
-    with atomic_path(given.checkpoint / PERSON) as part:
-        part.write_bytes(safetensors.torch.save({name: value.contiguous() for name, value in head.state_dict().items()}))
+    write_whole(
+        given.checkpoint / PERSON,
+        safetensors.torch.save({name: value.contiguous() for name, value in head.state_dict().items()}),
+    )
     print(f"fitted on {train.is_person.sum():,} people and {(~train.is_person).sum():,} things")
     together = logistic(evidence(head, tied), tied.is_person)
     print(f"TOGETHER = ({', '.join(f'{value:.2f}' for value in together)})")

@@ -21,7 +21,7 @@ from torch import Tensor, nn
 
 from kpopnet.errors import InputError
 from kpopnet.networks.over_time import BASES, CHILDREN, FEATURES, PARENTS, Measured, OverTime, read
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 
@@ -245,8 +245,7 @@ def main() -> None:
     given.out.parent.mkdir(parents=True, exist_ok=True)
     if not given.out.exists():
         arrays = trained(films_in(given.films, given.future), given.future, given.epochs)
-        with atomic_path(given.out) as part:
-            part.write_bytes(safetensors.numpy.save(arrays))
+        write_whole(given.out, safetensors.numpy.save(arrays))
     network = OverTime.load(given.out)
     measure(network, fresh[network.future])
 

@@ -28,6 +28,7 @@ from kpopnet.evaluation.dances.ranking import in_order_by_one, mcnemar_p_value, 
 from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap
 from kpopnet.evaluation.values import Table, Value
 from kpopnet.runtime.atomic_write import write_json
+from kpopnet.runtime.endings import user_errors
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
@@ -225,21 +226,19 @@ def states(shown: str, number: float) -> bool:
     return shown in (f"{number:.{digits}f}", f"{100 * number:.{digits}f}")
 
 
+@user_errors
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("make", help="runs the commands of rows, writes their files").add_argument("rows", nargs="+")
     commands.add_parser("pages", help="writes tables and figures into the pages")
     given = parser.parse_args()
-    try:
-        if given.command == "make":
-            for name in given.rows:
-                make(name)
-        else:
-            for path in PAGES:
-                path.write_text(filled(path.read_text()))
-    except InputError as error:
-        sys.exit(f"{error}")
+    if given.command == "make":
+        for name in given.rows:
+            make(name)
+    else:
+        for path in PAGES:
+            path.write_text(filled(path.read_text()))
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.lifting import Lifting
 from kpopnet.networks.onnx_export import export_network
 from kpopnet.networks.over_time import OverTime
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.runtime.endings import user_errors
 
 
@@ -121,15 +121,13 @@ def _halved(network: torch.nn.Module, source: Path) -> bytes:
 def _write(folder: Path, network: str, files: dict[str, bytes]) -> None:
     """Writes the files of a network, and their digests into the folder's module."""
     for name, content in files.items():
-        with atomic_path(folder / name) as part:
-            part.write_bytes(content)
+        write_whole(folder / name, content)
     module = folder / "__init__.py"
     rows = "".join(f'        "{name}": "{hashlib.sha256(content).hexdigest()}",\n' for name, content in files.items())
     pattern = re.compile(rf'(^    "{network}": {{\n).*?(^    }},$)', re.DOTALL | re.MULTILINE)
     text, found = pattern.subn(rf"\1{rows}\2", module.read_text())
     assert found == 1, module
-    with atomic_path(module) as part:
-        part.write_text(text)
+    write_whole(module, text)
 
 
 def texts_in(value: Any) -> Iterator[str]:

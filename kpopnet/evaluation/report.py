@@ -18,7 +18,7 @@ from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.evaluation.values import Table
-from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished, write_json
+from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished, write_json, write_whole
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
 
@@ -137,8 +137,7 @@ def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Writes UTF-8 with backslash escapes for half surrogate pairs; the file appears whole or not at all."""
-    with atomic_path(path) as part:
-        part.write_bytes(text.encode(errors="backslashreplace"))
+    write_whole(path, text.encode(errors="backslashreplace"))
 
 
 def _named_tables(blocks: list[Block]) -> dict[str, Table]:

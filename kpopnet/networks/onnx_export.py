@@ -17,7 +17,7 @@ from kpopnet.errors import InputError
 from kpopnet.networks import portable
 from kpopnet.networks.backend import INPUT, KEY, ONNX_FORMAT, ONNX_SUFFIX, OUTPUTS, PERSON_LOGIT, OnnxBackend
 from kpopnet.networks.network import PoseNetwork
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.runtime.provenance import optional_library
 
 OPSET = 18
@@ -72,8 +72,7 @@ def export_network(network: PoseNetwork, meta: dict, path: Path) -> float:
     onnx.helper.set_model_props(content, {KEY: json.dumps(portable(meta) | {"format": ONNX_FORMAT})})
     onnx.checker.check_model(content, full_check=True)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_path(path) as part:
-        part.write_bytes(content.SerializeToString())
+    write_whole(path, content.SerializeToString())
     found = _comparable([value for value in OnnxBackend(path)(crops) if value is not None])
     return max(float(np.abs(one - other).max()) for one, other in zip(expected, found, strict=True))
 

@@ -33,7 +33,7 @@ from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.pose.estimator import MAX_PEOPLE
 from kpopnet.programs.arguments import add_depth, opener, program_parser
-from kpopnet.runtime.atomic_write import atomic_path, remove_unfinished
+from kpopnet.runtime.atomic_write import remove_unfinished, write_whole
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -113,8 +113,7 @@ def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray,
     title = f"{Path(source.name).name}: {len(people)} {'person' if len(people) == 1 else 'people'}, {frames} images"
     save_png(out / "overlay.png", overlay.overlay_sheet(tiles, title))
     page = view_page(title, source.camera, times_s, [Shown(one.joints_camera_m, one.confidence) for one in people], clouds)
-    with atomic_path(out / "view.html") as part:
-        part.write_text(page, encoding="utf-8")
+    write_whole(out / "view.html", page)
     written = [out / "overlay.png", out / "overlay.mp4", out / "view.html"]
     if gif:
         overlay.save_gif(out / "overlay.gif", pictures, in_gif.step / source.fps)

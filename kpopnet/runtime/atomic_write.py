@@ -37,11 +37,16 @@ def atomic_path(path: Path) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Writes text in UTF-8, or bytes, whole or not at all."""
+    with atomic_path(path) as part:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
 def write_json(path: Path, content: Any, allow_nan: bool = True) -> None:
     """Writes JSON whole or not at all; its folder is made if it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_path(path) as part:
-        part.write_text(json.dumps(content, indent=1, allow_nan=allow_nan) + "\n")
+    write_whole(path, json.dumps(content, indent=1, allow_nan=allow_nan) + "\n")
 
 
 def write_npz(path: Path, **arrays: Any) -> None:
@@ -113,5 +118,4 @@ def atomic_hdf5(path: Path) -> Iterator["h5py.File"]:
         yield file
         file.flush()
         image = file.id.get_file_image()
-    with atomic_path(path) as part:
-        part.write_bytes(image)
+    write_whole(path, image)

@@ -121,13 +121,11 @@ def _one_thread() -> Iterator[None]:
 @contextmanager
 def _environment(variables: dict[str, str]) -> Iterator[None]:
     """What processes started inside inherit."""
-    before = {name: os.environ.get(name) for name in variables}
+    before = {name: os.environ[name] for name in variables if name in os.environ}
     os.environ.update(variables)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name)
-            else:
-                os.environ[name] = value
+        for name in variables.keys() - before.keys():
+            del os.environ[name]
+        os.environ.update(before)

@@ -13,7 +13,7 @@ import numpy as np
 
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.runtime.input_files import can_be_printed, check_names, plain_name, read_json, settings_from
 from kpopnet.teacher.tries import Tries
 
@@ -66,8 +66,7 @@ class Profiles:
             raise InputError(Said("{name} dances here already; choose another name", name=profile.name))
         self.folder.mkdir(parents=True, exist_ok=True)
         who = f"p_{secrets.token_hex(4)}"  # random: the tries of a deleted profile never become another's
-        with atomic_path(self.folder / f"{who}.json") as part:
-            part.write_text(json.dumps(asdict(profile), ensure_ascii=False), encoding="utf-8")
+        write_whole(self.folder / f"{who}.json", json.dumps(asdict(profile), ensure_ascii=False))
         return who
 
     def export(self, who: str) -> bytes:

@@ -38,7 +38,7 @@ from kpopnet.finder.network import (
     observed,
     observed_crop,
 )
-from kpopnet.runtime.atomic_write import atomic_path, write_json
+from kpopnet.runtime.atomic_write import atomic_path, write_json, write_whole
 from kpopnet.runtime.input_files import parsing, read_json, read_with
 from kpopnet.skeleton import Joint
 from kpopnet.training.descent import Descent
@@ -263,8 +263,7 @@ class FinderRun(Descent):
     def save(self, described: dict) -> None:
         """Writes weights, description and state, each whole or not at all; the state last: before it a killed run goes back."""
         weights = {name: value.contiguous().cpu() for name, value in self.average.state_dict().items()}
-        with atomic_path(self.folder / WEIGHTS) as part:
-            part.write_bytes(safetensors.torch.save(weights))
+        write_whole(self.folder / WEIGHTS, safetensors.torch.save(weights))
         write_json(self.folder / META, {"step": self.step, **described})
         with atomic_path(self.folder / STATE) as part:
             torch.save(self.state() | {"average": weights}, part)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from kpopnet.camera import Camera
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.skeleton import BONES, JOINT_NAMES
 
 BACKGROUND = (24, 24, 28)
@@ -202,5 +202,4 @@ def save_png(path: Path | str, image: np.ndarray) -> None:
     path = Path(path)
     _, encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_path(path) as part:
-        part.write_bytes(encoded.tobytes())
+    write_whole(path, encoded.tobytes())

@@ -56,13 +56,13 @@ class PersonCropsSet(SceneShards):
     unfinished_files: ClassVar[str] = ".crops_*"
     camera: ClassVar[Camera] = Camera.centred(200, *IMAGE_PX)  # each scene has its own
     most_px = IMAGE_PX
+    about = "SIMULATED people, cut out of depth images of rooms by the finder."
 
     benchmark: PersonCropsConfig = field(default_factory=PersonCropsConfig)
     finder: Any = field(default_factory=lambda: SHA256["finder"] | SHA256["masks"] | asdict(FINDER))
 
     def manifest_entries(self) -> dict:
-        about = "SIMULATED people, cut out of depth images of rooms by the finder."
-        return {"about": about, "scenes_per_shard": self.per_shard}
+        return {"about": self.about, "scenes_per_shard": self.per_shard}
 
     def make(self, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
         crops = [crop for scene in self.measured(index, on_frame) for crop in crops_of(*scene)]

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from kpopnet.camera import MM_PER_METRE, Camera
+from kpopnet.camera import MM_PER_METRE
 from kpopnet.data.person_masks import CROP_PX, FILES, FORMAT, OTHER, OWN, THEIRS, VERSION, read_person_masks
 from kpopnet.finder.finder import candidates_in, open_finder
 from kpopnet.finder.masks import crop_owner, scene_crop, taken
@@ -18,8 +18,8 @@ from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import depth_rgb, enlarged, sheet
 from kpopnet.weights import SHA256
-from synth.rooms.crops import FINDER, IMAGE_PX, LEAST_PX, PersonCropsConfig, matched
-from synth.rooms.images import MeasuredScene, SceneShards
+from synth.rooms.crops import FINDER, LEAST_PX, PersonCropsConfig, PersonCropsSet, matched
+from synth.rooms.images import MeasuredScene
 from synth.rooms.scene import ClearScene
 from synth.samples.layers import millimetres
 
@@ -39,20 +39,15 @@ class PersonMasksConfig(PersonCropsConfig):
 
 
 @dataclass(frozen=True)
-class PersonMasksSet(SceneShards):
+class PersonMasksSet(PersonCropsSet):
     """Makes the files of `person_masks`, which depend on the finder, not on the mask network."""
 
     finished_files: ClassVar[str] = FILES
     unfinished_files: ClassVar[str] = ".masks_*"
-    camera: ClassVar[Camera] = Camera.centred(200, *IMAGE_PX)  # each scene has its own
-    most_px = IMAGE_PX
+    about = "SIMULATED scenes around people, with the pixels that the finder takes for theirs and those that are."
 
     benchmark: PersonMasksConfig = field(default_factory=PersonMasksConfig)
     finder: Any = field(default_factory=lambda: SHA256["finder"] | asdict(FINDER))
-
-    def manifest_entries(self) -> dict:
-        about = "SIMULATED scenes around people, with the pixels that the finder takes for theirs and those that are."
-        return {"about": about, "scenes_per_shard": self.per_shard}
 
     def make(self, folder: Path, index: int, on_frame: Callable[[], None] = lambda: None) -> None:
         crops = [crop for scene in self.measured(index, on_frame) for crop in crops_of(*scene)]

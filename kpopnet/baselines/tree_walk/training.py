@@ -9,6 +9,7 @@ from numba import njit
 from tqdm import tqdm
 
 from kpopnet.baselines.tree_walk.walking import HALF_SIZE_M, UNITS, Trees, TreeWalkModel, feature, integer_image
+from kpopnet.dance.vectors import dot
 from kpopnet.data.batches import AugmentConfig, CropBatches, ShuffledOrder, batch_loader
 from kpopnet.data.cube import check_crop_px
 from kpopnet.data.observation import ObservationSource
@@ -197,15 +198,10 @@ def best_split(samples, members, probes, min_samples):
                 below[axis] += sums[b, axis]
                 above[axis] = total[axis] - below[axis]
             if min(below[3], above[3]) >= min_samples:
-                gain = _dot(below, below) / below[3] + _dot(above, above) / above[3]
+                gain = dot(below, below) / below[3] + dot(above, above) / above[3]
                 if gain > best:
                     best, best_probe, best_threshold = gain, k, low + (b + 1) * width
     return best_probe, best_threshold
-
-
-@njit(cache=True)
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cluster(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

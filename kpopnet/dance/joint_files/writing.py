@@ -19,7 +19,7 @@ from kpopnet.dance.joint_files.bvh import BvhFile, bvh_text
 from kpopnet.dance.performance import Performance, without_gaps
 from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply, rotate
-from kpopnet.runtime.atomic_write import atomic_path
+from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.skeleton import JOINT_NAMES, Joint
 
 SUFFIXES = (".npz", ".json", ".csv", ".bvh")
@@ -46,9 +46,7 @@ def write_performance(path: Path | str, performance: Performance) -> None:
     writers: dict[str, Callable[[Performance], str | bytes]] = dict(zip(SUFFIXES, (_npz, _json, _csv, _bvh), strict=True))
     if (writer := writers.get(path.suffix.lower())) is None:
         raise InputError(f"{path}: expected a name that ends with {', '.join(SUFFIXES)}")
-    content = writer(performance)
-    with atomic_path(path) as part:
-        part.write_bytes(content if isinstance(content, bytes) else content.encode())
+    write_whole(path, writer(performance))
 
 
 def _npz(performance: Performance) -> bytes:

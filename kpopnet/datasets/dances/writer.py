@@ -22,7 +22,7 @@ from kpopnet.datasets.dances.dance_set import (
 )
 from kpopnet.datasets.protocol import check_joints
 from kpopnet.errors import InputError
-from kpopnet.runtime.atomic_write import atomic_hdf5, atomic_path
+from kpopnet.runtime.atomic_write import atomic_hdf5, write_whole
 from kpopnet.runtime.input_files import check_array, expect
 from kpopnet.skeleton import JOINT_NAMES
 
@@ -106,8 +106,7 @@ def write_labels(folder: Path, best_first: Iterable[str]) -> None:
     if len(set(names)) != len(names) or len(names) < 2:
         raise InputError(f"{folder / LABELS}: learners {', '.join(names) or 'none'}; expected two or more, each once")
     lines = ["learner,rank", *(f"{name},{rank}" for rank, name in enumerate(names, 1))]
-    with atomic_path(folder / LABELS) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_whole(folder / LABELS, "\n".join(lines) + "\n")
 
 
 def _check_name(name: str) -> None:
