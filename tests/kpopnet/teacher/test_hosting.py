@@ -144,10 +144,11 @@ host(make, argparse.Namespace(host="127.0.0.1", port=0, no_browser=True), "look 
 """
 
 
-def test_it_ends_while_it_starts():
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_it_ends_while_it_starts(number):
     with running("-c", STARTING) as one:
         assert one.stdout.readline() == "opening\n"
-        one.send_signal(signal.SIGINT)
+        one.send_signal(number)
         assert one.wait(30) == 0 and one.stderr.read() == "" and one.stdout.read() == "closed\n"
 
 
