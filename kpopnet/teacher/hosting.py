@@ -41,6 +41,9 @@ BACKLOG = 24
 IDLE_S, REFUSAL_S = 15.0, 1.0
 """How long a connection may say nothing, and how long one that was refused has to read why."""
 
+UPLOAD_S = 60.0
+"""Longest time that the body of a request, such as a file, may take to arrive."""
+
 END_S = 2.5
 """Longest time from Ctrl-C to the program's end, of a program that has nothing to save."""
 
@@ -68,6 +71,14 @@ def page_app(index: str, hosts: tuple[str, ...], keys: Keys | None, max_bytes: i
         r"/page/{name:(?:vendor/(?:mediapipe/)?)?[a-z_]+\.(?:js|css|svg|LICENSE|wasm|data|tflite|binarypb)}", served_from(PAGE)
     )
     return app
+
+
+async def sent(request: web.Request) -> bytes:
+    """The body of a request."""
+    try:
+        return await asyncio.wait_for(request.read(), UPLOAD_S)
+    except TimeoutError as error:
+        raise web.HTTPRequestTimeout(text="the file did not arrive") from error
 
 
 @web.middleware

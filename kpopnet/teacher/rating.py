@@ -18,7 +18,7 @@ from kpopnet.datasets.dances.dance_set import Dance, KpopSet, Learner
 from kpopnet.datasets.dances.ratings import CHOICES, Answer, all_pairs, ratings_path, read_ratings, write_ratings
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_fields, expect, parse_json
-from kpopnet.teacher.hosting import page_app
+from kpopnet.teacher.hosting import page_app, sent
 from kpopnet.teacher.pages import UNKNOWN
 from kpopnet.teacher.posing import at_rate
 from kpopnet.teacher.safety import Keys
@@ -96,7 +96,7 @@ async def pair(request: web.Request) -> web.Response:
 async def answer(request: web.Request) -> web.Response:
     """Writes an answer to the pair that comes after `done` others; without a choice, takes the last answer back."""
     schema, where = {"rater": str, "done": int, "choice": str}, "the page's message"
-    given = check_fields(where, parse_json(await request.read(), where), schema)
+    given = check_fields(where, parse_json(await sent(request), where), schema)
     path, answers, left = request.app[RATING].state(given["rater"])
     if given["done"] != len(answers):
         raise InputError("this pair is answered already; reload the page")

@@ -20,7 +20,7 @@ from kpopnet.languages import Said, keyed
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
 from kpopnet.teacher.adding import USUAL_BPM, add_group, read_recorded
 from kpopnet.teacher.film import Filming
-from kpopnet.teacher.hosting import page_app
+from kpopnet.teacher.hosting import page_app, sent
 from kpopnet.teacher.library import About, Library, moves_cm, preview_cm
 from kpopnet.teacher.live.lesson import CameraOpener, Lesson
 from kpopnet.teacher.live.process import LessonProcess, LessonProcesses
@@ -33,8 +33,6 @@ from kpopnet.teacher.safety import Keys
 from kpopnet.teacher.tries import Tries, as_csv
 
 MAX_UPLOAD_BYTES, MAX_MESSAGE_BYTES = 32_000_000, 16_384
-UPLOAD_S = 60.0
-"""Longest time that a file may take to arrive."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +138,7 @@ async def keep_recording(request: web.Request) -> web.Response:
 
 async def _read(request: web.Request, reader: Callable[[Path], Performance], suffix: str) -> Performance:
     """The dance of a request's body, read by a process with limits."""
-    content = await _sent(request)
+    content = await sent(request)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"dance{suffix}"
         path.write_bytes(content)
@@ -148,13 +146,6 @@ async def _read(request: web.Request, reader: Callable[[Path], Performance], suf
             return await asyncio.to_thread(reader, path)
         except InputError as error:
             raise InputError(str(error).replace(str(path), "the file")) from error
-
-
-async def _sent(request: web.Request) -> bytes:
-    try:
-        return await asyncio.wait_for(request.read(), UPLOAD_S)
-    except TimeoutError as error:
-        raise web.HTTPRequestTimeout(text="the file did not arrive") from error
 
 
 async def _added(request: web.Request, performance: Performance, where: Said) -> web.Response:
@@ -188,7 +179,7 @@ async def names(request: web.Request) -> web.Response:
 @routes.post("/api/profiles")
 async def add_profile(request: web.Request) -> web.Response:
     """Adds a profile; the body is the JSON of a `Profile`."""
-    profile = settings_from(Profile, parse_json(await _sent(request), "the page's message"), "the profile")
+    profile = settings_from(Profile, parse_json(await sent(request), "the page's message"), "the profile")
     return web.json_response({"who": request.app[TEACHING].profiles.add(profile)})
 
 
