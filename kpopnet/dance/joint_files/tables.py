@@ -13,8 +13,11 @@ from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_budget, check_fields, expect, names_in, parsing, read_text
 
 TIME = "time_s"
-TIMES = {TIME: 1.0, "time": 1.0, "time_ms": 0.001, "timestamp_ms": 0.001}
+TIMES = {TIME: 1.0, "timestamp_ms": 0.001}
 """Names of a frame's time, and seconds per unit."""
+
+SPELT = {"time": TIME, "time_ms": "timestamp_ms"}
+"""Other names of such a column in CSV files, in small letters."""
 
 NUMBERS = ("frame", "frame_index")
 """Names of a frame's number."""
@@ -77,7 +80,7 @@ def read_csv(path: Path) -> NamedPoints:
     with parsing(path, "not a CSV file"):
         header = [word.strip() for word in next(table, [])]
         rows = [(f"{path}, line {table.line_num}", row) for row in table if row]
-    lower = [word.lower() for word in header]
+    lower = [SPELT.get(word.lower(), word.lower()) for word in header]
     wide, long = _wide_places(header), _long_places(lower)
     expect(bool(wide or long), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
     expect(bool(rows), str(path), "a line of numbers below the header")
