@@ -142,6 +142,15 @@ def test_a_pause_from_the_start_holds_everything(watch, monkeypatch, tmp_path):
     assert not streamed and not list((tmp_path / "kept").iterdir())
 
 
+def test_a_recording_that_ends_while_kernels_are_compiled_gives_its_last_image(watch, monkeypatch):
+    streamed = []
+    monkeypatch.setattr(loop, "open_stream", lambda *given: contextlib.nullcontext(streamed.append))
+    watch(Images([0.0]), {})
+    assert [(one.number, len(one.people)) for one in streamed] == [(0, 2)]
+    watch(Images(np.arange(5) / 10), {})
+    assert [one.number for one in streamed[1:]] == [0, 1, 2, 3]
+
+
 def test_joints_that_could_not_be_saved_are_not_begun(watch, in_turn, tmp_path):
     (tmp_path / "kept").write_text("a file where the folder should be")
     told = watch(Images(np.arange(5) / 10), {1: ("joints", True)})
