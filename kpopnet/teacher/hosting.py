@@ -131,10 +131,7 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
     logger = logging.getLogger(__name__)
     logger.addFilter(_Once())
     loop.set_exception_handler(lambda _, told: logger.error(told["message"], exc_info=told.get("exception")))
-    ends_by = [signal.SIGINT, signal.SIGTERM]
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # as under nohup
-        ends_by.append(signal.SIGHUP)  # of a terminal that is closed
-    for number in ends_by:
+    for number in {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # of a terminal that is closed
         with contextlib.suppress(NotImplementedError):  # not on every system; there Ctrl-C cancels this task
             loop.add_signal_handler(number, lambda: task.cancelling() or task.cancel())
     runner = web.AppRunner(app, access_log=None, logger=logger, keepalive_timeout=IDLE_S, shutdown_timeout=END_S / 5)

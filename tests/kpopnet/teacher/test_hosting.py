@@ -144,11 +144,10 @@ host(make, argparse.Namespace(host="127.0.0.1", port=0, no_browser=True), "look 
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
-def test_it_ends_while_it_starts(number):
+def test_it_ends_while_it_starts():
     with running("-c", STARTING) as one:
         assert one.stdout.readline() == "opening\n"
-        one.send_signal(number)
+        one.send_signal(signal.SIGINT)
         assert one.wait(30) == 0 and one.stderr.read() == "" and one.stdout.read() == "closed\n"
 
 
