@@ -435,6 +435,7 @@ export default {
   "the film could not be saved: {reason}": "das Video konnte nicht gespeichert werden: {reason}",
   "there is no such dancer in this dance; reload the page": "diese Person gibt es in dem Tanz nicht; lade die Seite neu",
   "the file is larger than {most} MB": "die Datei ist größer als {most} MB",
+  "the file is damaged": "die Datei ist beschädigt",
   "the file did not arrive": "die Datei ist nicht angekommen",
   "bpm: expected a number": "Schläge pro Minute: eine Zahl wird erwartet",
   "My dance": "Mein Tanz"

@@ -435,6 +435,7 @@ export default {
   "the film could not be saved: {reason}": "영상을 저장하지 못했어요: {reason}",
   "there is no such dancer in this dance; reload the page": "이 춤에 없는 멤버예요. 페이지를 새로고침하세요",
   "the file is larger than {most} MB": "파일이 {most} MB보다 커요",
+  "the file is damaged": "파일이 손상되었어요",
   "the file did not arrive": "파일이 도착하지 않았어요",
   "bpm: expected a number": "BPM은 숫자여야 해요",
   "My dance": "내 춤"

@@ -89,7 +89,7 @@ def _open_output() -> None:
     """Has what a stream cannot show printed as backslash escapes, and nowhere what a program without a console prints."""
     for name in ("stdout", "stderr"):
         if (stream := getattr(sys, name)) is None:
-            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115 until the program ends
+            setattr(sys, name, Path(os.devnull).open("w", errors="backslashreplace"))  # noqa: SIM115 until the program ends
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
 

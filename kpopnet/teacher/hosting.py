@@ -131,7 +131,7 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
     logger = logging.getLogger(__name__)
     logger.addFilter(_Once())
     loop.set_exception_handler(lambda _, told: logger.error(told["message"], exc_info=told.get("exception")))
-    for number in {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # of a terminal that is closed
+    for number in (signal.SIGINT, signal.SIGTERM):
         with contextlib.suppress(NotImplementedError):  # not on every system; there Ctrl-C cancels this task
             loop.add_signal_handler(number, lambda: task.cancelling() or task.cancel())
     runner = web.AppRunner(app, access_log=None, logger=logger, keepalive_timeout=IDLE_S, shutdown_timeout=END_S / 5)

@@ -17,7 +17,7 @@ TIMES = {TIME: 1.0, "timestamp_ms": 0.001}
 """Names of a frame's time, and seconds per unit."""
 
 SPELT = {"time": TIME, "time_ms": "timestamp_ms"}
-"""Other names of such a column in CSV files, in small letters."""
+"""Other names of such a column of numbers in CSV files that have none of these, in small letters."""
 
 NUMBERS = ("frame", "frame_index")
 """Names of a frame's number."""
@@ -80,16 +80,16 @@ def read_csv(path: Path) -> NamedPoints:
     with parsing(path, "not a CSV file"):
         header = [word.strip() for word in next(table, [])]
         rows = [(f"{path}, line {table.line_num}", row) for row in table if row]
-    lower = [SPELT.get(word.lower(), word.lower()) for word in header]
+    lower = [word.lower() for word in header]
+    if not TIMES.keys() & {*lower}:
+        lower = [SPELT[word] if word in SPELT and _are_numbers(rows, at) else word for at, word in enumerate(lower)]
     wide, long = _wide_places(header), _long_places(lower)
     expect(bool(wide or long), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
     expect(bool(rows), str(path), "a line of numbers below the header")
     for where, row in rows:
         expect(len(row) == len(header), where, f"{len(header)} cells as in the header, found {len(row)}")
-    if (whose := next((lower.index(name) for name in PEOPLE if name in lower), None)) is not None:
-        people = list(dict.fromkeys(row[whose].strip() for _, row in rows))
-        expect(len(people) == 1, f"{path}, column {header[whose]}", f"one person, found {names_in(people)}; {EACH_A_FILE}")
     times = {time: lower.index(time) for time in TIMES if time in lower}
+    _check_one_person(rows, lower, header)
     frame_at = long["frame"] if long else next((number for number, word in enumerate(lower) if word in NUMBERS), None)
     # Frames that have no line are known by the numbers of the others, unless times are stated.
     numbered = frame_at is not None and not times and all(row[frame_at].strip().isdecimal() for _, row in rows)
@@ -101,6 +101,24 @@ def read_csv(path: Path) -> NamedPoints:
             expect(name not in frame["joints"], where, f"one line for {name} in a frame; {EACH_A_FILE}")
             frame["joints"][name] = [_number(row[place], where) for place in places]
     return joint_points(_with_those_between(frames, path) if numbered else [*frames.values()], None, str(path))
+
+
+def _are_numbers(rows: list[tuple[str, list[str]]], at: int) -> bool:
+    try:
+        return all(np.isfinite(float(row[at])) for _, row in rows)
+    except (ValueError, IndexError):
+        return False
+
+
+def _check_one_person(rows: list[tuple[str, list[str]]], lower: list[str], header: list[str]) -> None:
+    """Raises InputError where a column of PEOPLE tells two apart in one frame; later a person may have another number."""
+    moments = [at for at, word in enumerate(lower) if word in (*TIMES, *NUMBERS)]
+    for at in (at for at, word in enumerate(lower) if word in PEOPLE and moments):
+        seen: dict[tuple[str, ...], str] = {}
+        for where, row in rows:
+            who = row[at].strip()
+            first = seen.setdefault(tuple(row[one] for one in moments), who) if who else who
+            expect(first == who, f"{where}, column {header[at]}", f"one person, found {first} and {who}; {EACH_A_FILE}")
 
 
 def _wide_places(header: list[str]) -> dict[str, list[int]]:

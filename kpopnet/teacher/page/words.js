@@ -6,7 +6,7 @@ import { remember, remembered } from "./memory.js";
 
 export const LANGUAGES = { en: "English", ko: "한국어", de: "Deutsch" };
 const CATALOGUES = { en: {}, ko, de }, DECIMAL_COMMA = ["de"];
-const RIGHT_TO_LEFT = /[\u0590-\u08ff\ufb1d-\ufefc]/;
+const RIGHT_TO_LEFT = /[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]/;
 export const language = chosen();
 if (globalThis.document) document.documentElement.lang = language;
 

@@ -63,9 +63,11 @@ def test_help_that_no_program_reads_ends_quietly_too(words):
 
 @pytest.mark.parametrize("closed", ["1>&-", "2>&-", "1>&- 2>&-"])
 def test_a_program_without_a_console_gets_done(tmp_path, closed):
-    what = f"print('nowhere'); print('nor here', file=sys.stderr); open({str(tmp_path / 'done')!r}, 'x').close()"
+    what = f"print('nowhere'); print('\\ub2e4\\uc2dc', file=sys.stderr); open({str(tmp_path / 'done')!r}, 'x').close()"
     shell = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-c", PROGRAM.format(what=what)]
-    assert subprocess.run(shell, cwd=ROOT, input=b"", check=False).returncode == 0 and (tmp_path / "done").exists()
+    ascii_alone = os.environ | {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    ended = subprocess.run(shell, cwd=ROOT, env=ascii_alone, input=b"", check=False)
+    assert ended.returncode == 0 and (tmp_path / "done").exists()
 
 
 def test_what_a_terminal_cannot_show_is_printed_as_escapes(monkeypatch):

@@ -255,10 +255,18 @@ def test_two_people_in_one_table_are_refused(tmp_path):
     (tmp_path / "two.csv").write_text("\n".join(lines))
     with pytest.raises(InputError, match=r"two\.csv, line \d+: expected one line for \w+ in a frame"):
         read_performance(tmp_path / "two.csv", 25)
-    path = write_csv(tmp_path / "live.csv", person(), {"Identity": 1 + np.arange(FRAMES) % 2})  # as `kpopnet live` writes it
-    with pytest.raises(InputError, match=r"live\.csv, column Identity: expected one person, found 1(\.0)?, 2(\.0)?; give each"):
+    live = {"Identity": 1 + np.arange(FRAMES) % 2, "time_s": np.arange(FRAMES) // 2 / 30}  # as `kpopnet live` writes it
+    path = write_csv(tmp_path / "live.csv", person(), live)
+    told = r"live\.csv, line 3, column Identity: expected one person, found 1(\.0)? and 2(\.0)?; give each"
+    with pytest.raises(InputError, match=told):
         read_performance(path)
-    read_performance(write_csv(path, person(), {"identity": np.full(FRAMES, 3)}))
+
+
+def test_a_person_may_get_another_number_and_columns_of_other_meaning_change_nothing(tmp_path):
+    path = tmp_path / "a.csv"
+    for extra in ({"identity": 1 + np.arange(FRAMES) // 5}, {"Time": ["12:00"] * FRAMES}, {"Time": 1.7e9 + np.arange(FRAMES)}):
+        np.testing.assert_allclose(read_performance(write_csv(path, person(), extra)).times_s, TIMES_S)
+    assert len(read_performance(write_counted(path, {"frame": np.arange(FRAMES), "time": ["12:00"] * FRAMES}), 25.0)) == FRAMES
 
 
 @pytest.mark.parametrize("name", ["Time_S", "Time"])
