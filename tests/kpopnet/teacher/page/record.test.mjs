@@ -200,6 +200,16 @@ test("a webcam's pictures are asked about like a camera's images, and one that e
   assert.ok(frames.length > 10 && frames.at(-1).time_s >= 8);
 });
 
+test("a dance that is not saved yet is not lost by a reload without a question, one that was left is", async () => {
+  const asks = () => { let asked = false; globalThis.onbeforeunload({ preventDefault() { asked = true; } }); return asked; };
+  await dance(12);
+  assert.ok(asks());
+  part("start").listeners.click();
+  assert.ok(asks() && !part("editor").hidden);
+  part("editor").hidden = true;
+  assert.ok(!asks());
+});
+
 test("a lesson is saved once, and again if that failed", async () => {
   await dance(12);
   part("start").listeners.click();
