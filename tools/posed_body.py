@@ -161,7 +161,7 @@ def fit_body(depth_m: np.ndarray, camera: Camera, labels_m: np.ndarray) -> Fitte
                 targets_m = _redefined(frames.labels_m, joints_m)
             label = (joints_m - targets_m).square().sum(-1)
             loss = loss + LABEL_WEIGHT * _robust(label, LABEL_SCALE_M).mean()
-            depth_loss, surface_m = _misfit(body, frames, skin_m)
+            depth_loss, surface_m = _cost(body, frames, skin_m)
             loss = loss + depth_loss
         optimiser.zero_grad()
         loss.backward()
@@ -177,8 +177,8 @@ def _redefined(labels_m: Tensor, joints_m: Tensor) -> Tensor:
     return torch.tensor(moved(labels, fit_offsets(joints_m.detach().numpy(), labels))).float()
 
 
-def _misfit(body: PosedBody, frames: Frames, skin_m: Tensor) -> tuple[Tensor, Tensor]:
-    """The misfit of body and depth, and (N, POINTS) signed distances of the points from the surface."""
+def _cost(body: PosedBody, frames: Frames, skin_m: Tensor) -> tuple[Tensor, Tensor]:
+    """The cost of a body given the depth, and (N, POINTS) signed distances of the points from the surface."""
     normals = body.normals(skin_m)
     with torch.no_grad():
         towards = (normals * skin_m).sum(-1) < 0  # the side that the camera sees
@@ -187,12 +187,12 @@ def _misfit(body: PosedBody, frames: Frames, skin_m: Tensor) -> tuple[Tensor, Te
     offset = frames.points_m - skin_m.gather(1, nearest)
     surface_m = (offset * normals.gather(1, nearest)).sum(-1) - body.clothes_m
     # Vertices are some 2 cm apart, so the distance along the surface counts little.
-    misfit = _robust(surface_m.square() + 0.1 * offset.square().sum(-1), SURFACE_SCALE_M).mean()
+    cost = _robust(surface_m.square() + 0.1 * offset.square().sum(-1), SURFACE_SCALE_M).mean()
     outside_m = frames.at(frames.outside_px, skin_m) * skin_m[..., 2] / frames.camera.fx
     measured = frames.at(frames.depth_m, skin_m, "nearest")
     before_m = torch.where(towards & (measured > 0), measured - skin_m[..., 2], 0.0).clamp(min=0)
-    misfit = misfit + OUTSIDE_WEIGHT * _robust(outside_m.square(), OUTSIDE_SCALE_M).mean()
-    return misfit + BEFORE_WEIGHT * _robust(before_m.square(), OUTSIDE_SCALE_M).mean(), surface_m
+    cost = cost + OUTSIDE_WEIGHT * _robust(outside_m.square(), OUTSIDE_SCALE_M).mean()
+    return cost + BEFORE_WEIGHT * _robust(before_m.square(), OUTSIDE_SCALE_M).mean(), surface_m
 
 
 def _robust(squared: Tensor, scale: float) -> Tensor:

@@ -86,7 +86,7 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _open_output() -> None:
-    """Has what a stream cannot show printed as backslash escapes, and nowhere what a program without a console prints."""
+    """Prints what a stream cannot show as backslash escapes from here on; what a program without a console prints is lost."""
     for name in ("stdout", "stderr"):
         if (stream := getattr(sys, name)) is None:
             setattr(sys, name, Path(os.devnull).open("w", errors="backslashreplace"))  # noqa: SIM115 until the program ends

@@ -92,7 +92,7 @@ class DepthSource:
 
 
 MOST_TIMES_AS_LONG = 64
-"""Of an image, its longer side: pictures of a strip would be of no size, or of any."""
+"""Longer side of an image over its shorter one: drawn at a given width, a strip would have no height, or take gigabytes."""
 
 
 def check_size(where: str, width: int, height: int, frames: int | None = None) -> None:

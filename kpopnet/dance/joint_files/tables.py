@@ -16,7 +16,7 @@ TIME = "time_s"
 TIMES = {TIME: 1.0, "timestamp_ms": 0.001}
 """Names of a frame's time, and seconds per unit."""
 
-SPELT = {"time": TIME, "time_ms": "timestamp_ms"}
+TIME_ALIASES = {"time": TIME, "time_ms": "timestamp_ms"}
 """Other names of such a column of numbers in CSV files that have none of these, in small letters."""
 
 NUMBERS = ("frame", "frame_index")
@@ -82,7 +82,8 @@ def read_csv(path: Path) -> NamedPoints:
         rows = [(f"{path}, line {table.line_num}", row) for row in table if row]
     lower = [word.lower() for word in header]
     if not TIMES.keys() & {*lower}:
-        lower = [SPELT[word] if word in SPELT and _are_numbers(rows, at) else word for at, word in enumerate(lower)]
+        aliased = {at for at, word in enumerate(lower) if word in TIME_ALIASES and _are_numbers(rows, at)}
+        lower = [TIME_ALIASES[word] if at in aliased else word for at, word in enumerate(lower)]
     wide, long = _wide_places(header), _long_places(lower)
     expect(bool(wide or long), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
     expect(bool(rows), str(path), "a line of numbers below the header")
