@@ -204,13 +204,15 @@ class PartTeacher:
         return window_score(pairs, on_path, path, _PARTS_OF, HOP_FRAMES, delay_s, timing, expected)
 
     def _limited(self, score: WindowScore, path: np.ndarray, learner: Features, start: int, unsure: np.ndarray) -> WindowScore:
-        """The score of a window, matched by the path, with what the learner's steady differences leave at most."""
+        """The score of a window, matched by the path, with what steady differences and missing joints leave at most."""
         noise, taught = known_noise(self.scorer.noise), np.isfinite(score.parts)
         if not noise.steady or not taught.any():
             return score
-        paired = learner.at(path[:, 0]), self.features.at(start - BAND_FRAMES + path.sum(axis=1))
-        squared = steady_squared(segment_differences(*paired, noise.sees_depth))
-        most = steady_similarity(squared, steady_by_noise(noise.steady, unsure), self.scorer.beta)
+        seen, shown = learner.at(path[:, 0]), self.features.at(start - BAND_FRAMES + path.sum(axis=1))
+        squared = steady_squared(segment_differences(seen, shown, noise.sees_depth))
+        missing = np.isnan(seen.angles_rad) & np.isfinite(shown.angles_rad)
+        whole = [1 - missing[:, _PARTS_OF == part].any(axis=1).mean() for part in range(len(PARTS))]
+        most = np.array(whole) * steady_similarity(squared, steady_by_noise(noise.steady, unsure), self.scorer.beta)
         body = self._skill(most[taught].mean(keepdims=True))
         return score._replace(most=100 * float(body[0]), parts_most=100 * most)
 

@@ -68,6 +68,13 @@ def test_a_steady_fault_costs_where_errors_would_excuse_it_and_costs_more_the_la
     assert max(*scores[2].windows.posture, *scores[2].windows.similarity) < 100
 
 
+def test_errors_below_the_usual_ones_do_not_make_up_for_an_unseen_limb(generous):
+    learner = performed(hidden(JOINTS_M, 0, len(JOINTS_M), [Joint.LEFT_KNEE, Joint.LEFT_FOOT]))
+    known, unknown = (score_dance(performed(JOINTS_M), learner, scorer) for scorer in (OURS, generous))
+    assert unknown.similarity == pytest.approx(known.similarity, abs=0.1) and known.similarity < 80
+    assert (unknown.windows.parts["left leg"] == 0).all() and unknown.parts["right leg"] == 100
+
+
 def test_errors_below_the_usual_ones_do_not_excuse_lateness(generous):
     late = score_dance(performed(JOINTS_M), performed(JOINTS_M, 0.1), generous)
     assert 85 < late.similarity < 99 and late.similarity == pytest.approx(late.timing, abs=0.5)
