@@ -30,7 +30,7 @@ NUM_JOINTS = len(Joint)
 JOINT_NAMES = tuple(joint.name.lower() for joint in Joint)
 
 PAPER_JOINTS = tuple(joint for joint in Joint if joint != Joint.NECK)
-"""The paper's fourteen joints (section 2.3): all except the neck, which only the paper's dance feature uses."""
+"""The paper's fourteen joints (section 2.3): all except the neck, which only the dance feature of its reference [17] uses."""
 
 BONES = (
     (Joint.NECK, Joint.HEAD),

@@ -137,10 +137,11 @@ def _angles_confidence(angles_rad: np.ndarray, confidence: np.ndarray, names: tu
 
 @cache
 def _joints_of(names: tuple[str, ...]) -> np.ndarray:
-    """(D, 6) the joints whose confidence counts for each angle, those of a limb more than once."""
+    """(D, 6) the joints whose confidence counts for each angle, some more than once: the neck is in the torso of [17] alone."""
+    torso = _TORSO if "yaw" in names else _TORSO[1:]
     ends = np.concatenate([np.stack([PROXIMAL, MIDDLE], axis=1), np.stack([MIDDLE, DISTAL], axis=1)])
     limbs: dict[str, np.ndarray] = dict(zip(_FIRST_DEGREE + _SECOND_DEGREE, ends, strict=True))
-    return np.array([np.resize(limbs.get(name.rpartition("_")[0], _TORSO), len(_TORSO)) for name in names])
+    return np.array([np.resize(limbs.get(name.rpartition("_")[0], torso), len(_TORSO)) for name in names])
 
 
 def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Angles:

@@ -92,6 +92,16 @@ def test_what_has_no_direction_is_missing_and_nothing_else():
         assert missing[5] - missing[4] == {"left_hand_inclination", "left_hand_azimuth"} and missing[6] == missing[4]
 
 
+def test_joints_that_no_angle_needs_lower_no_confidence():
+    joints_m, confidence = JOINTS_M.copy(), np.ones(JOINTS_M.shape[:2])
+    joints_m[:, [Joint.NECK, Joint.HEAD]], confidence[:, [Joint.NECK, Joint.HEAD]] = np.nan, 0
+    for feature in ("dance22", "dance22_turn"):
+        whole, without = dance_features(JOINTS_M, feature, FPS), dance_features(joints_m, feature, FPS, confidence)
+        np.testing.assert_array_equal(without.angles_rad, whole.angles_rad)
+        np.testing.assert_array_equal(without.confidence, whole.confidence)
+    assert np.isnan(dance_features(joints_m, "raptis", FPS).angles_rad).all()  # [17]'s torso frame is made of the neck, too
+
+
 def test_a_turn_of_the_whole_body_changes_only_the_heading():
     still = np.repeat(standing()[None], 60, axis=0)
     spinning = turned(still, [0, 1, 0], np.linspace(0, 2, 60))
