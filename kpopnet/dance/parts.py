@@ -211,7 +211,7 @@ class PartTeacher:
         seen, shown = learner.at(path[:, 0]), self.features.at(start - BAND_FRAMES + path.sum(axis=1))
         squared = steady_squared(segment_differences(seen, shown, noise.sees_depth))
         missing = np.isnan(seen.angles_rad) & np.isfinite(shown.angles_rad)
-        whole = [1 - missing[:, _PARTS_OF == part].any(axis=1).mean() for part in range(len(PARTS))]
+        whole = [1 - missing[:, part == _PARTS_OF].any(axis=1).mean() for part in range(len(PARTS))]
         most = np.array(whole) * steady_similarity(squared, steady_by_noise(noise.steady, unsure), self.scorer.beta)
         body = self._skill(most[taught].mean(keepdims=True))
         return score._replace(most=100 * float(body[0]), parts_most=100 * most)

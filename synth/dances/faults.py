@@ -114,11 +114,16 @@ def draw_profile(rng: np.random.Generator) -> dict[str, float]:
 
 
 def with_faults(teacher: Motion, severities: dict[str, float], rng: np.random.Generator) -> Motion:
-    """The teacher's motion with faults of the named severities, as high above the floor as the teacher; feet may slide."""
-    motion = teacher
+    """The teacher's motion with faults of the named severities; feet may slide.
+
+    It is as high above the floor as the teacher is when the learner is there: who is late jumps late.
+    """
+    motion = in_time = teacher
     for name, fault in FAULTS.items():
         motion = fault(motion, severities.get(name, 0.0), rng)
-    return _changed(motion, motion.quats, as_high_as(teacher, motion.quats, motion.root_m))
+        if fault in (time_warp, lag):
+            in_time = motion
+    return _changed(motion, motion.quats, as_high_as(in_time, motion.quats, motion.root_m))
 
 
 def _at(motion: Motion, source_s: np.ndarray) -> Motion:

@@ -114,7 +114,7 @@ class KpopSim(SetGenerator):
     """Makes the dances; holds one compiled scene. Labels are written last: a dance that has labels is finished."""
 
     part, finished_files, unfinished_files = "dance", f"*/{LABELS}", "dance_*/.*.tmp"
-    generator: ClassVar[int] = 4
+    generator: ClassVar[int] = 5
     camera = CAMERA
     seeded = ("dance", "teacher", "learner", "skill", "place", "noise", "order", "profile", "faults")
 

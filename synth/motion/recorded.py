@@ -30,7 +30,6 @@ from kpopnet.runtime.input_files import ArraySchema, check_budget, expect, names
 from synth.motion.skeleton import (
     INDEX,
     JOINT_NAMES,
-    LEG_M,
     NUM_JOINTS,
     NUM_POINTS,
     PARENTS,
@@ -185,8 +184,7 @@ def bvh_motion(path: Path, fps: float | None = None) -> Motion:
 
     root_m = recorded.root_m.copy()
     # The height of the floor differs between files. The lowest frames touch the floor; the percentile ignores outliers.
-    size = LEG_M / recorded.leg_m
-    root_m[:, 1] -= np.percentile(height_above_floor(local, root_m * size), 3) / size
+    root_m[:, 1] -= np.percentile(height_above_floor(local, root_m, recorded.leg_m), 3)
     return Motion(local.astype(np.float32), root_m.astype(np.float32), recorded.fps, f"bvh:{path.stem}", recorded.leg_m)
 
 

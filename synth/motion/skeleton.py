@@ -149,10 +149,14 @@ def forward_kinematics(quats: np.ndarray, root_m: np.ndarray) -> tuple[np.ndarra
     return points, rotated
 
 
-def height_above_floor(quats: np.ndarray, root_m: np.ndarray) -> np.ndarray:
-    """(N,) height of the lowest surface point of the mean skeleton above the floor, metres; negative below the floor."""
-    points, _ = forward_kinematics(quats, root_m)
-    return (points[..., 1] - CLEARANCE_M).min(axis=1)
+def height_above_floor(quats: np.ndarray, root_m: np.ndarray, leg_m: float | np.ndarray = LEG_M) -> np.ndarray:
+    """(N,) height above the floor, metres, of the lowest surface point of the mean skeleton, scaled to legs of `leg_m`.
+
+    Negative below the floor. `leg_m`, one or (N,), is that of the skeleton whose Hips are at (N, 3) `root_m`.
+    """
+    size = np.broadcast_to(np.asarray(leg_m, np.float64) / LEG_M, len(quats))
+    points, _ = forward_kinematics(quats, root_m / size[:, None])
+    return size * (points[..., 1] - CLEARANCE_M).min(axis=1)
 
 
 def on_floor_m(quats: np.ndarray) -> np.ndarray:

@@ -61,7 +61,7 @@ def follow(first: Motion, second: Motion) -> Motion:
     rotation = multiply(heading(first.quats[-1, 0]), conjugate(heading(quats[0, 0])))
     quats[:, 0] = multiply(rotation, quats[:, 0])
     start_m = first.root_m[-1].astype(np.float64)
-    height_m = height_above_floor(quats, root_m)
+    height_m = height_above_floor(quats, root_m, first.leg_m)
     root_m[:, [0, 2]] = (rotate(rotation, root_m - root_m[0]) + start_m)[:, [0, 2]]
 
     difference = multiply(first.quats[-1].astype(np.float64), conjugate(quats[0]))  # (23, 4)
@@ -75,10 +75,10 @@ def follow(first: Motion, second: Motion) -> Motion:
     correction = np.concatenate([np.cos(half)[..., None], np.sin(half)[..., None] * axis], axis=-1)
     quats = multiply(correction, quats)
 
-    first_height_m = height_above_floor(first.quats[-1:], first.root_m[-1:])[0]
+    first_height_m = height_above_floor(first.quats[-1:], first.root_m[-1:], first.leg_m)[0]
     height_m = weight * first_height_m + (1 - weight) * height_m
     blending = weight > 0
-    root_m[blending, 1] = height_m[blending] - height_above_floor(quats[blending], root_m[blending] * [1, 0, 1])
+    root_m[blending, 1] = height_m[blending] - height_above_floor(quats[blending], root_m[blending] * [1, 0, 1], first.leg_m)
     return Motion(
         np.concatenate([first.quats, quats[1:].astype(np.float32)]),
         np.concatenate([first.root_m, root_m[1:].astype(np.float32)]),
@@ -119,7 +119,8 @@ def planted(quats: np.ndarray, fps: float, name: str, leg_m: float) -> Motion:
 
 
 def as_high_as(like: Motion, quats: np.ndarray, root_m: np.ndarray) -> np.ndarray:
-    """(T, 3) path, metres, on which the (T, 23, 4) pose is as high above the floor as another motion in each frame."""
+    """(T, 3) path, metres, on which the (T, 23, 4) pose is as high above the floor as another motion of its skeleton's size."""
     path_m = root_m.astype(np.float64)
-    path_m[:, 1] = np.maximum(height_above_floor(like.quats, like.root_m), 0) - height_above_floor(quats, path_m * [1, 0, 1])
+    height_m = np.maximum(height_above_floor(like.quats, like.root_m, like.leg_m), 0)
+    path_m[:, 1] = height_m - height_above_floor(quats, path_m * [1, 0, 1], like.leg_m)
     return path_m

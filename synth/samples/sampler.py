@@ -184,7 +184,7 @@ class Sampler:
         pending = list(range(len(numbers)))
         for attempt in range(config.tries):
             poses = self.source.poses([generators[k] for k in pending])
-            lifts_m = np.maximum(height_above_floor(poses.quats, poses.root_m), 0) / poses.leg_m
+            lifts_m = np.maximum(height_above_floor(poses.quats, poses.root_m, poses.leg_m), 0) / poses.leg_m
             rejected = []
             for j, k in enumerate(pending):
                 rng = generators[k]

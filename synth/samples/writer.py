@@ -29,7 +29,7 @@ from synth.samples.observe import FreezeConfig, freeze
 from synth.samples.placing import Site
 from synth.samples.sampler import BLOCK, SampleConfig, Sampler
 
-GENERATOR = 3
+GENERATOR = 4
 """Version of the generator. Increase it with every change after which the same configuration gives different samples."""
 
 TILE_PX = 240

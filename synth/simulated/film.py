@@ -111,7 +111,7 @@ class Studio:
         scene, scale = self.scene, person.leg_m / motion.leg_m
         scene.set_person(person)
         local = body_rotations(scene.asset, motion.quats, yaw_rad, curls_rad)
-        hover_m = np.maximum(height_above_floor(motion.quats, motion.root_m), 0) * scale
+        hover_m = np.maximum(height_above_floor(motion.quats, motion.root_m, motion.leg_m), 0) * scale
         # The motion's y is up and its z in front: (x, y, z) -> (x, -z, y), then rotated by yaw_rad.
         left, front = ((motion.root_m - motion.root_m[0])[:, axis].astype(np.float64) * scale for axis in (0, 2))
         cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)

@@ -112,7 +112,7 @@ def film(motion: Motion, frames: Iterable[int], *seed: int) -> Film:
     quats, root_m = motion.quats[frames], motion.root_m[frames].astype(float)
     stride = scale * figure().leg_m / motion.leg_m
     points_m = scale * posed(quats) + stride * (root_m - root_m.mean(axis=0))[:, None]
-    above_m = np.maximum(height_above_floor(quats, root_m), 0) * stride
+    above_m = np.maximum(height_above_floor(quats, root_m, motion.leg_m), 0) * stride
     points_m[..., 1] += (above_m - points_m[..., 1].min(axis=1))[:, None]
     points_m = points_m[..., (0, 2, 1)] * (1, -1, 1) @ Rotation.from_euler("z", yaw_rad).as_matrix().T  # z up, front is -y
     place_m = draw_place(rng, points_m[:, -NUM_JOINTS:], view)

@@ -5,13 +5,17 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from kpopnet.camera import CAMERAS
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
+from synth.body.shape import BodyConfig, draw_person
 from synth.dances.faults import ENDS, FAULTS, LAG_S, end_motion, habit, lag, with_faults
 from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig
 from synth.dances.skill import LEVELS, SkillConfig, Strengths, draw_strengths, learn
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor, mirrored
+from synth.motion.splice import cut
+from synth.simulated.film import Studio
 
 FPS = 30.0
 NONE = Strengths(0, 0, 0, 0, 0, 0)
@@ -48,6 +52,20 @@ def test_without_errors_the_learner_equals_the_teacher(teacher):
 def test_a_lag_is_a_delay(teacher):
     for late in (learnt(teacher, lag_s=0.2), lag(teacher, 0.2 / LAG_S, np.random.default_rng(0))):
         np.testing.assert_allclose(points_m(late)[6:], points_m(teacher)[:-6], atol=1e-3)
+
+
+@pytest.mark.parametrize("size", [0.7, 1.3])
+def test_who_dances_late_leaves_the_floor_late_and_the_size_of_a_skeleton_changes_no_height_of_its_player(teacher, size):
+    teacher = replace(
+        teacher, root_m=teacher.root_m + np.float32([0, 1, 0]) * np.float32(0.1 * (np.arange(len(teacher)) == 100))[:, None]
+    )
+    other = replace(teacher, root_m=size * teacher.root_m, leg_m=size * teacher.leg_m)
+    late = with_faults(other, {"lag": 0.2 / LAG_S}, np.random.default_rng(0))
+    assert height_above_floor(late.quats, late.root_m, late.leg_m).argmax() == 106
+    studio, person = Studio(CAMERAS["kinect_v1"], "cpu"), draw_person(np.random.default_rng(0), BodyConfig(), "train")
+    hips_m = [studio.play(person, cut(one, 98, 103), 0.0, np.zeros(2)).hips_m for one in (teacher, other)]
+    np.testing.assert_allclose(*hips_m, atol=1e-5)
+    assert hips_m[0][2, 2] - hips_m[0][1, 2] > 0.08
 
 
 def test_the_delay_varies_with_the_given_deviation_and_time_never_runs_backwards(teacher):

@@ -70,3 +70,11 @@ def test_height_above_floor_is_that_of_the_lowest_surface_point():
     np.testing.assert_allclose(
         height_above_floor(quats, np.array([[0, 1.2, 0], [0, 0, 0]])), [1.2 + lowest_m, lowest_m], atol=0.01
     )
+
+
+def test_a_skeleton_of_another_size_is_as_high_in_proportion():
+    quats, root_m = random_quats(4), np.random.default_rng(1).uniform(0.5, 2, (4, 3))
+    size = np.array([0.5, 0.8, 1.0, 1.3])
+    np.testing.assert_allclose(
+        height_above_floor(quats, size[:, None] * root_m, size * LEG_M), size * height_above_floor(quats, root_m), atol=1e-9
+    )
