@@ -51,14 +51,15 @@ def build_extractor(camera: Camera, settings: Any, looker: Looker | None = None)
     return builder(camera, settings, looker)
 
 
-def extract_person(depth_m: np.ndarray, camera: Camera, settings: Any = DEFAULT_EXTRACTION) -> np.ndarray:
+def extract_person(depth_m: np.ndarray, camera: Camera, settings: Any = DEFAULT_EXTRACTION, fps: float = 30.0) -> np.ndarray:
     """The depth of the one person of a recording, (T, H, W) float32 metres, 0 elsewhere; `settings` as for `build_extractor`.
 
     If several people are found, it is the one found in most images; of equals, the one found first. The recording is (T, H, W)
     float32 metres, 0 where nothing was measured. Raises InputError for anything but depth images of the camera's size.
     """
     extractor = build_extractor(camera, settings)
-    found = [{human.identity: human for human in extractor.extract(image)} for image in sequence_in_metres(depth_m, camera)]
+    images = enumerate(sequence_in_metres(depth_m, camera))
+    found = [{human.identity: human for human in extractor.extract(image, number / fps)} for number, image in images]
     num_images = Counter(identity for humans in found for identity in humans)
     person_m = np.zeros(depth_m.shape, np.float32)
     if num_images:
