@@ -21,6 +21,7 @@ from kpopnet.evaluation.poses.metrics import PoseResults, concatenated, differen
 from kpopnet.evaluation.values import plain
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, extract_person, extraction_name
 from kpopnet.pose.person import PersonEstimator
+from kpopnet.skeleton import NUM_JOINTS
 
 
 class EstimatedSequence(NamedTuple):
@@ -65,11 +66,21 @@ class SequenceEstimation:
                 start = {"start": first_label(truth_m)} if starts_from_label(estimator) else {}
                 stills = sequence.fps == 0
                 (joints_m, confidence), seconds[label] = self._timed[label](depth_m, camera, stills=stills, **start)
+                _check_estimate(joints_m, confidence, frames)
             given = np.arange(frames) == (start["start"].frame if start else -1)
             if sequence.fps:
                 without_labels[label] = label_free(joints_m, depth_m, camera, sequence.fps)
             results[label] = PoseResults(truth_m, joints_m, confidence, sequence.visible, yaw_rad, given, *names)
         return EstimatedSequence(results, seconds, without_labels, extraction_seconds, int((~depth_m.any(axis=(1, 2))).sum()))
+
+
+def _check_estimate(joints_m: np.ndarray, confidence: np.ndarray, frames: int) -> None:
+    """Raises InputError unless an estimator answered as `Estimate` says."""
+    for name, one, shape in (("joints", joints_m, (frames, NUM_JOINTS, 3)), ("confidence", confidence, (frames, NUM_JOINTS))):
+        if one.shape != shape:
+            raise InputError(f"{name}: expected {shape}, found {one.shape}")
+    if not ((confidence >= 0) & (confidence <= 1)).all():
+        raise InputError(f"confidence: expected 0 to 1, found {confidence.min():g} to {confidence.max():g}")
 
 
 def _estimated(estimator: Estimator, depth_m: np.ndarray, camera: Camera, stills: bool, **start: Start) -> Estimate:

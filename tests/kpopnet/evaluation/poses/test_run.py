@@ -1,5 +1,7 @@
 """One evaluation: sequences in several processes, estimators that fail, labels to start from, and what is resampled."""
 
+import re
+
 import numpy as np
 import pytest
 from films import FRAMES, POSE_M, Films, Off
@@ -9,6 +11,7 @@ from kpopnet.baselines.mean_pose import MeanPoseEstimator
 from kpopnet.datasets.protocol import BenchmarkConfig
 from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
+from kpopnet.estimator import Estimate
 from kpopnet.evaluation.poses import run as run_module
 from kpopnet.evaluation.poses.report import remarks
 from kpopnet.evaluation.poses.run import run_benchmark
@@ -127,3 +130,29 @@ def test_in_whole_scenes_the_person_is_segmented_once_for_every_estimator(monkey
     assert run.about["extraction"] == "paper" and run_benchmark(Films(), {"off": Off()}).about["extraction"] is None
     with pytest.raises(InputError, match="extraction=paper: the depth is segmented; leave it out"):
         run_benchmark(Films(), {"off": Off()}, extraction=extraction)
+    monkeypatch.undo()
+    segmented = run_benchmark(Films(is_segmented=False), {"off": (real := Off())}, extraction=extraction)
+    assert not segmented.about["failed_sequences"] and [len(depth_m) for depth_m in real.given] == calls
+
+
+@pytest.mark.parametrize(
+    ("joints", "sure", "message"),
+    [
+        (14, 0.5, r"mine: joints: expected \(36, 15, 3\), found \(36, 14, 3\)"),
+        (15, 50, "mine: confidence: expected 0 to 1, found 50 to 50"),
+        (15, np.nan, "mine: confidence: expected 0 to 1, found nan"),
+    ],
+)
+def test_an_estimator_that_answers_in_another_form_is_named_and_leaves_the_other_sequences(joints, sure, message):
+    class Mine(Off):
+        def estimate(self, depth_m, camera):
+            estimate = super().estimate(depth_m, camera)
+            is_wrong = depth_m[0, 0, 0] == 3
+            return Estimate(
+                estimate.joints_camera_m[:, : joints if is_wrong else 15],
+                np.full_like(estimate.confidence, sure if is_wrong else 0.5),
+            )
+
+    run = run_benchmark(Films(), {"mine": Mine()})
+    assert list(run.metrics["mine"]["per_sequence"]) == ["one", "two"]
+    assert re.search(message, run.about["failed_sequences"]["three"])
