@@ -130,7 +130,7 @@ def _fps(learner: Learner) -> float:
 
 def estimator_key(settings: Any) -> str:
     """Ten hexadecimal digits: a digest of the settings, of the files that they name, and of the source code."""
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(type(settings).__name__.encode())  # kinds of estimators may have the same settings
     for name, value in sorted(asdict(settings).items()):
         digest.update(json.dumps([name, _with_file_digests(value)], sort_keys=True, default=str).encode())
     package = Path(kpopnet.__file__).resolve().parent

@@ -24,7 +24,7 @@ from kpopnet.evaluation.dances import pose_cache
 from kpopnet.evaluation.dances.pose_cache import PoseCache
 from kpopnet.evaluation.dances.report import evaluate_dances, paired_table, rank_table, remarks
 from kpopnet.evaluation.dances.run import run_dances
-from kpopnet.evaluation.registry import NetworkEstimatorConfig
+from kpopnet.evaluation.registry import BestConfig, NetworkEstimatorConfig, RealtimeConfig
 from kpopnet.evaluation.report import write
 from kpopnet.pose.person import PersonEstimator
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
@@ -172,6 +172,8 @@ def test_the_cache_folder_depends_on_settings_and_on_all_files_of_a_model(tmp_pa
     (model / "state.pt").write_text("needed for further training only")
     moved = model.rename(tmp_path / "elsewhere")
     assert PoseCache(tmp_path, "fake", FakeConfig(weights=str(moved))).folder in folders
+    kinds = [PoseCache(tmp_path, "mine", settings()).folder for settings in (RealtimeConfig, BestConfig)]
+    assert kinds[0] != kinds[1]  # though their settings are equal
 
 
 def test_a_faulty_dance_does_not_affect_the_others(folder, fake):
