@@ -144,6 +144,10 @@ class _OpenShard:
             self.ridge = stored_array(self.file, "ridge") if "ridge" in self.file else None
             self.columns = {name: read_array(self.file, name) for name in COLUMNS}
             self.floor = read_array(self.file, "floor")
+        unknown = np.argwhere(~np.isfinite(self.columns["joints_m"]).all(axis=-1))
+        if len(unknown):
+            row, joint = unknown[0].tolist()
+            raise InputError(f"{path}: joints_m: expected finite metres, found {JOINT_NAMES[joint]} of row {row} unknown")
 
 
 class ShardedSet:

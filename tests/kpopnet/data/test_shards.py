@@ -48,6 +48,13 @@ def test_invalid_attributes_are_refused(shard, name, value, message):
         read_everything(shard)
 
 
+def test_a_joint_that_is_not_known_is_refused(shard):
+    with h5py.File(shard, "a") as file:
+        file["joints_m"][2, 3] = np.nan
+    with pytest.raises(InputError, match=r"shard_00000\.h5: joints_m: expected finite metres, found \w+ of row 2 unknown"):
+        read_everything(shard)
+
+
 def test_of_many_shards_few_are_open_and_all_can_be_read(tmp_path, monkeypatch):
     monkeypatch.setattr("kpopnet.runtime.hdf5_files.most_open", lambda: 3)
     for number in range(8):
