@@ -93,7 +93,10 @@ def test_resuming_takes_the_runs_own_configuration_and_folder(place, general):
 def test_a_run_begins_with_the_weights_of_another(place, general):
     # So slow that the weights stay what they were; the checkpoint says which model it is.
     settings = [word for word in SHORT if not word.startswith("model")]
-    settings += ["training.steps=2", "training.start=general/best", "training.lr=1e-12", "seed=5", "++ridge.sharpness=4"]
+    (place / "own/mine").mkdir(parents=True)
+    (place / "own/mine/sharp.yaml").write_text("# @package _global_\nridge:\n  sharpness: 4\n")
+    settings += ["training.steps=2", "training.start=general/best", "training.lr=1e-12", "seed=5"]
+    settings = ["--config-dir=own", *settings, "+mine=sharp", "ridge.edge_threshold_m=0.07"]
     second = run(place, *settings, "hydra.run.dir=special")
     assert second.returncode == 0, second.stderr
     (old, _), (special, meta) = (load_network(folder / "best") for folder in (general, place / "special"))
@@ -101,7 +104,7 @@ def test_a_run_begins_with_the_weights_of_another(place, general):
         torch.testing.assert_close(weight, expected, atol=1e-6, rtol=0)
     begun = meta["config"]
     assert begun["training"]["start"] == "general/best"
-    assert begun["ridge"] == {"epsilon_r": 0.6, "edge_threshold_m": 0.08, "sharpness": 4}  # what was not said otherwise
+    assert begun["ridge"] == {"epsilon_r": 0.6, "edge_threshold_m": 0.07, "sharpness": 4}  # what was not said otherwise
     meta_path = shutil.copytree(place / "general/best", place / "other_ridge", symlinks=False) / "meta.json"
     content = json.loads(meta_path.read_text())
     content["config"]["ridge"]["window"] = 3

@@ -186,6 +186,9 @@ def as_started_from(config: NetworkTrainingConfig) -> NetworkTrainingConfig:
     model, ridge = (
         {name.removeprefix(f"{part}.") for name in given if name.startswith(f"{part}.")} for part in ("model", "ridge")
     )
+    # What a file of settings (--config-dir) says otherwise is not on the command line.
+    model |= {name for name, value in asdict(ModelConfig()).items() if getattr(config.model, name) != value}
+    ridge |= {name for name, value in asdict(RidgeConfig()).items() if getattr(config.ridge, name) != value}
     model |= {"kind"} if "model" in given else set()
     return replace(
         config,
