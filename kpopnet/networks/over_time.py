@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kpopnet.estimator import FRAME_S
 from kpopnet.networks.layers import Layers
 from kpopnet.skeleton import BONES, MIRROR, NUM_JOINTS, Joint
 
@@ -181,6 +182,7 @@ class Live:
         clock; after a time that is before the last one the person starts again.
         """
         step_s = time_s - self._before_s if time_s >= self._before_s else np.inf
+        step_s = step_s or FRAME_S  # a clock that stands still
         self._before_s = time_s
         return self._network(*self._averages.add(measured, step_s))
 
@@ -191,7 +193,7 @@ def read(measured: Measured, times_s: np.ndarray, future: bool) -> tuple[np.ndar
     Before a time that is before the one before it, people start again.
     """
     gap_s, steps_s = np.full_like(times_s[:1], np.inf), np.diff(times_s, axis=0)
-    steps_s = np.where(steps_s < 0, gap_s, steps_s)
+    steps_s = np.where(steps_s < 0, gap_s, np.where(steps_s == 0, FRAME_S, steps_s))
     points_m, differences_m, seen = _one_way(measured, np.concatenate([gap_s, steps_s]))
     if not future:
         return points_m, differences_m, seen

@@ -44,6 +44,19 @@ def test_the_causal_form_does_not_see_the_future_and_the_other_does():
         assert not np.allclose(first[60:], second[60:])
 
 
+def test_a_clock_that_stands_still_counts_as_thirty_images_a_second():
+    for future in (False, True):
+        network, stopped_s = drawn(future), np.full(96, 7.0)
+        for one, other in zip(
+            network(*read(film(0), stopped_s, future)), network(*read(film(0), TIMES_S, future)), strict=True
+        ):
+            np.testing.assert_allclose(one, other, atol=1e-5)
+    live, other = Live(drawn()), Live(drawn())
+    for number, time_s in enumerate(TIMES_S):
+        stopped_m, running_m = (one.update(frame(film(0), number), at_s)[0] for one, at_s in ((live, 7.0), (other, time_s)))
+        np.testing.assert_allclose(stopped_m, running_m, atol=1e-5)
+
+
 @pytest.mark.parametrize("fps", [15, 60])
 def test_live_equals_a_recording_with_drop_outs_at_any_rate(fps):
     times_s = np.arange(96) / fps
