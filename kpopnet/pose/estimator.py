@@ -17,7 +17,7 @@ from kpopnet.human import Looker
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
 from kpopnet.pose.person import MODES, DetectedPerson, Pose, TrackedPerson, detected, joined
-from kpopnet.sources.source import TimedDepth
+from kpopnet.sources.source import DepthSource, TimedDepth
 
 log = logging.getLogger(__name__)
 
@@ -81,6 +81,10 @@ class PoseEstimator:
         network = NetworkEstimator(checkpoint, device=device) if mode != "tracker" else None
         return cls(network, mode, people, extraction)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy, as for another process, has the settings and the network, and begins with another recording."""
+        return PoseEstimator, (self.network, self.mode, self.people, self.extraction)
+
     def reset(self) -> None:
         """Forgets the room and the people: the next image is the first of another recording."""
         self._extractor: Extractor | None = None
@@ -113,8 +117,8 @@ class PoseEstimator:
         """The people in a recording, or in one image.
 
         Args:
-            depth: (T, H, W) depth of a whole scene, or its (H, W) images one after another, with their times or without, or a
-                single image, whose person must stand in view; uint16 millimetres or float metres, 0 where nothing was measured.
+            depth: (T, H, W) depth of a whole scene, or its (H, W) images one after another, with their times or without, a
+                `DepthSource`, whose images have their times, or a single image, whose person must stand in view; uint16 millimetres or float metres, 0 where nothing was measured.
             camera: its camera.
             fps: frames per second of images without times.
             segmented: the depth shows one person, and 0 elsewhere: no person has to be found.
@@ -132,6 +136,8 @@ class PoseEstimator:
             depth = depth[None]
         if not isinstance(depth, Iterable) or (isinstance(depth, np.ndarray) and not depth.ndim):
             raise InputError(f"depth: expected an array or images one after another, got {type(depth).__name__}")
+        if isinstance(depth, DepthSource):
+            depth = depth.timed()  # its own times, which the images alone do not have
         frames: list[dict[int, Pose]] = []
         times_s: list[float] = []
         self.reset()

@@ -84,9 +84,6 @@ class DetectedPerson:
 
     def see(self, human: Human, time_s: float) -> Pose | None:
         """The pose of the extracted person in the next image, taken at `time_s`; None where it is not known."""
-        if not 0 <= time_s - self._seen_s <= ANOTHER_AFTER_S:
-            self._body = BodyEstimate()
-        self._seen_s = time_s
         return self.update(human.depth_m, human.cropped(self.camera), time_s, human.look)
 
     def miss(self, time_s: float) -> None:
@@ -98,6 +95,10 @@ class DetectedPerson:
         `look` is what the network saw in it, where it was asked already.
         """
         detected_m, confidence, _ = look or detected(self.network, self.mode, [(depth_m, camera)])[0]
+        if np.isfinite(detected_m).all():
+            if not 0 <= time_s - self._seen_s <= ANOTHER_AFTER_S:  # it may be another person
+                self._body = BodyEstimate()
+            self._seen_s = time_s
         fitted_m, evidence = refine_frame(self._body, Estimate(detected_m, confidence), depth_m, camera)
         if not np.isfinite(detected_m).all():
             return Pose(detected_m.astype(np.float32), confidence)

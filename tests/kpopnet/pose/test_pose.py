@@ -1,5 +1,6 @@
 """The pose estimator finds people, follows them, and weighs the network and the fit over time."""
 
+import pickle
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -19,6 +20,7 @@ from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
 from kpopnet.pose.person import DetectedPerson, PersonEstimator
 from kpopnet.skeleton import MIRROR
+from kpopnet.sources import open_depth
 from kpopnet.sources.source import TimedDepth
 from kpopnet.tracker.estimator import TrackerEstimator
 from kpopnet.tracker.refine import FittedEstimator
@@ -263,6 +265,40 @@ def test_only_best_sees_the_future_and_both_take_the_times_of_the_images():
             PoseEstimator(Jittery(), mode).estimate(depth, CAMERA, fps, segmented=True)[0].joints_camera_m for fps in (10, 60)
         )
         assert not np.allclose(slow, quick)
+
+
+def test_a_recording_is_estimated_at_its_own_times(tmp_path):
+    depth_mm = np.stack([1000 * person(20 + 5 * number) for number in range(5)]).astype(np.uint16)
+    np.savez(tmp_path / "depth.npz", depth_mm=depth_mm, times_s=[0, 0.033, 0.067, 0.9, 0.933])
+    source = open_depth(tmp_path / "depth.npz", CAMERA)
+    given = [source, list(source.timed())]
+    one, other = (PoseEstimator(Jittery()).estimate(depth, CAMERA, segmented=True)[0] for depth in given)
+    np.testing.assert_array_equal(one.joints_camera_m, other.joints_camera_m)
+
+
+def test_a_used_estimator_goes_to_another_process_and_begins_anew_there():
+    estimator = PoseEstimator.load(mode="tracker", people=2)
+    depth_m = compose(standing(), room())
+    estimator.update(depth_m, ROOM_CAMERA)
+    copied = pickle.loads(pickle.dumps(estimator))
+    assert copied.people == 2 and copied.mode == "tracker"
+    np.testing.assert_equal(
+        copied.update(depth_m, ROOM_CAMERA), PoseEstimator.load(mode="tracker", people=2).update(depth_m, ROOM_CAMERA)
+    )
+
+
+def test_in_a_segmented_recording_who_comes_after_long_is_measured_anew():
+    detected, bodies = DetectedPerson(CAMERA, Blob(), "realtime"), []
+    for time_s, image in (
+        (0.0, person(30)),
+        (9.0, 0 * person(30)),
+        (18.0, 0 * person(30)),
+        (19.0, person(30)),
+        (20.0, person(30)),
+    ):
+        detected.update(image, CAMERA, time_s)
+        bodies.append(detected._body)
+    assert bodies[0] is bodies[2] is not bodies[3] is bodies[4]
 
 
 def test_who_is_found_again_after_long_is_measured_anew():
