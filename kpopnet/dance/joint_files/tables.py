@@ -31,6 +31,9 @@ PARTS = ("x", "y", "z", "confidence")
 
 _COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence|visibility)", re.IGNORECASE)
 
+_WHOLE = re.compile(r"\d+(\.0*)?")
+"""The number of a frame, also as 5.0: some programs write whole numbers so."""
+
 _LONG = {
     "name": ("name", "landmark", "landmark_name", "joint", "keypoint"),
     "frame": (*NUMBERS, *TIMES),
@@ -93,7 +96,7 @@ def read_csv(path: Path) -> NamedPoints:
     _check_one_person(rows, lower, header)
     frame_at = long["frame"] if long else next((number for number, word in enumerate(lower) if word in NUMBERS), None)
     # Frames that have no line are known by the numbers of the others, unless times are stated.
-    numbered = frame_at is not None and not times and all(row[frame_at].strip().isdecimal() for _, row in rows)
+    numbered = frame_at is not None and not times and all(_WHOLE.fullmatch(row[frame_at].strip()) for _, row in rows)
     frames: dict[str, dict] = {}
     for where, row in rows:
         of_frame = row[frame_at].strip() if frame_at is not None and (long or numbered) else where
@@ -149,7 +152,7 @@ def _with_those_between(frames: dict[str, dict], path: Path) -> list[dict]:
 
     They count from 1, or from 0 if that is there: as a time that is stated does, a number tells when the first person was seen.
     """
-    by_number = {int(number): frame for number, frame in frames.items()}
+    by_number = {int(number.partition(".")[0]): frame for number, frame in frames.items()}
     first, last = min(*by_number, 1), max(by_number)
     check_budget(path, (last - first + 1) * 33 * 32, f"frames {first} to {last} of 33 points")
     return [by_number.get(number, {"joints": {}}) for number in range(first, last + 1)]

@@ -276,6 +276,16 @@ def test_times_of_a_table_are_known_in_any_case_and_before_numbers(tmp_path, nam
     np.testing.assert_allclose(read_performance(path).times_s, TIMES_S)
 
 
+def test_numbers_of_frames_may_be_written_as_fractions(tmp_path):
+    numbers = np.delete(np.arange(FRAMES + 2), [3, 4])
+    whole, fractions = (
+        read_performance(write_counted(tmp_path / f"{name}.csv", {"frame": one}), 25.0)
+        for name, one in (("whole", numbers), ("fractions", numbers.astype(float)))
+    )
+    np.testing.assert_array_equal(fractions.times_s, whole.times_s)
+    assert len(whole) == FRAMES + 2
+
+
 @pytest.mark.parametrize("number", ["frame", "time_s"])
 @pytest.mark.parametrize("first", [0, 1, 2, 30])
 def test_a_motion_begins_at_one_time_in_wide_and_in_long_tables(tmp_path, number, first):
