@@ -13,7 +13,15 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.performance import KERNEL_RADIUS_S, Performance, mask_missing_joints, resampled, with_derived_torso
+from kpopnet.dance.performance import (
+    KERNEL_RADIUS_S,
+    Performance,
+    as_performance,
+    mask_missing_joints,
+    numbers,
+    resampled,
+    with_derived_torso,
+)
 from kpopnet.dance.scoring import (
     OURS,
     Comparison,
@@ -59,7 +67,7 @@ class OnlineScorer:
 
         Raises InputError if the teacher's dance is shorter than a window, and as `noise_between`.
         """
-        scorer = beside(scorer, teacher)
+        scorer = beside(scorer, as_performance(teacher, None, "teacher"))
         self.scorer, self.lag_s = scorer, KERNEL_RADIUS_S
         self._derives_torso = derives_torso(scorer, teacher, torso_is_derived)
         self._grid = TimeGrid(derived_torso(teacher) if self._derives_torso else teacher, scorer.feature, free_s=free_s)
@@ -83,7 +91,7 @@ class OnlineScorer:
         The (15, 3) joints are in the camera frame, metres, NaN where missing, their (15,) confidence in 0..1 is 1 by default;
         the time is in seconds on the teacher's clock, later than that of the previous sample.
         """
-        joints_m, time_s = np.array(joints_m, np.float64), time_s - self.scorer.latency_s
+        joints_m, time_s = numbers("joints", joints_m), time_s - self.scorer.latency_s
         if joints_m.shape != (NUM_JOINTS, 3):
             raise InputError(f"joints of shape {joints_m.shape}: a frame has ({NUM_JOINTS}, 3)")
         if not math.isfinite(time_s) or (self._samples and time_s <= self._samples[-1][0]):

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from kpopnet.errors import InputError
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -61,13 +62,10 @@ class Performance:
     """
 
     def __init__(
-        self, joints_m: np.ndarray, times_s: np.ndarray, confidence: np.ndarray | None = None, estimator: str = "none"
+        self, joints_m: ArrayLike, times_s: ArrayLike, confidence: ArrayLike | None = None, estimator: str = "none"
     ) -> None:
         """Checks and copies the arrays; see `mask_missing_joints`."""
-        try:
-            joints_m, times_s = np.array(joints_m, np.float64), np.array(times_s, np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"joints and times: expected arrays of numbers ({error})") from error
+        joints_m, times_s = numbers("joints", joints_m), numbers("times", times_s)
         if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3) or not len(joints_m):
             raise InputError(f"joints of shape {joints_m.shape}: expected (frames, {NUM_JOINTS}, 3) and at least one frame")
         if times_s.shape != joints_m.shape[:1]:
@@ -107,12 +105,10 @@ class Performance:
 
 def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: str) -> Performance:
     """A dance that may be given as (T, 15, 3) joints in metres in the camera frame, whose first frame is at time 0."""
-    if isinstance(dance, Performance):
-        return dance
-    if fps is None or not 0 < fps <= 1000:
+    if not isinstance(dance, Performance) and (fps is None or not 0 < fps <= 1000):
         raise InputError(f"the {whose}'s dance is an array without times and fps={fps}; give its frames per second, fps=30")
     try:
-        return check_rate(Performance(dance, np.arange(len(dance)) / fps))
+        return check_rate(dance if isinstance(dance, Performance) else Performance(dance, np.arange(len(dance)) / fps))
     except (InputError, TypeError) as error:  # a TypeError of what has no length
         raise InputError(f"the {whose}'s dance: {error}") from error
 
@@ -168,17 +164,24 @@ def without_gaps(joints_m: np.ndarray, at: np.ndarray | None = None) -> np.ndarr
     return filled
 
 
-def mask_missing_joints(joints_m: np.ndarray, confidence: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+def numbers(what: str, given: ArrayLike) -> np.ndarray:
+    """A float64 copy of an array. Raises InputError for what is none, and for a masked array, whose mask a copy would lose."""
+    if isinstance(given, np.ma.MaskedArray):
+        raise InputError(f"{what}: a masked array; give NaN where something is missing, as .filled(np.nan) does")
+    try:
+        return np.array(given, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{what}: expected an array of numbers ({error})") from error
+
+
+def mask_missing_joints(joints_m: np.ndarray, confidence: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
     """(..., 15, 3) joints with missing ones NaN, and (..., 15) float64 confidence in 0..1 with missing ones 0.
 
     A joint with a coordinate that is not finite, or of confidence 0, is missing; None is a confidence of 1 everywhere. Raises
     InputError for other confidence, and for coordinates with which no sum would be finite.
     """
     shape = joints_m.shape[:-1]
-    try:
-        values = np.ones(shape) if confidence is None else np.asarray(confidence, np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"confidence: expected an array of numbers ({error})") from error
+    values = np.ones(shape) if confidence is None else numbers("confidence", confidence)
     if values.shape != shape:
         raise InputError(f"confidence of shape {values.shape}: expected one number a joint, {shape}")
     if not ((values >= 0) & (values <= 1)).all():

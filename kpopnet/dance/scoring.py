@@ -184,7 +184,9 @@ class DanceScore(NamedTuple):
         return dynamics(*self._within(inside), matched)
 
     def _rhythm(self, beats_s: np.ndarray | None, inside: np.ndarray) -> Rhythm | None:
-        return None if beats_s is None else rhythm(*self._within(inside), np.asarray(beats_s) - self.windows.start_s[0])
+        if beats_s is None or not len(beats_s):
+            return None
+        return rhythm(*self._within(inside), np.asarray(beats_s) - self.windows.start_s[0])
 
     def _within(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The (T, 15, 3) joints of teacher and learner at some of the frames, NaN at the others."""

@@ -64,7 +64,7 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance], 
         return None
     goal_m, danced_m = (one - one.mean(axis=0) for one in (places_m[: len(teachers)], places_m[len(teachers) :]))
     factor = np.sqrt((goal_m**2)[:, known].sum() / max((danced_m**2)[:, known].sum(), 1e-9))
-    factor = float(np.clip(factor, 1 / MOST_SPREAD, MOST_SPREAD))
+    factor = float(np.clip(factor, 1 / MOST_SPREAD, MOST_SPREAD)) if len(teachers) > 1 else 1.0
     length_m = float(np.mean(lengths_m))
     place, errors = DIMENSIONS["place"], (factor * danced_m - goal_m) / length_m
     staying = np.nanmean(goal_m, axis=1, keepdims=True) - goal_m

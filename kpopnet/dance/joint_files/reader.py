@@ -62,11 +62,14 @@ def read_performance(path: Path | str, fps: float | None = None, joint_map: Path
     return read_performances([Path(path)], fps, joint_map)[0]
 
 
-def read_performances(paths: Sequence[Path], fps: float | None = None, joint_map: Path | None = None) -> list[Performance]:
+def read_performances(
+    paths: Sequence[Path | str], fps: float | None = None, joint_map: Path | None = None
+) -> list[Performance]:
     """As `read_performance`, of dancers who were recorded together, on one clock and in one frame: a file for each.
 
     All stand before one camera, which the first faces at first, in the places that they had.
     """
+    paths = [Path(path) for path in paths]
     of_bvh = [path for path in paths if path.suffix.lower() == ".bvh"]
     motions = dict(zip(of_bvh, read_bvh_group(of_bvh, fps), strict=True))
     group = [(_recorded(path, fps, joint_map, motions), str(path)) for path in paths]

@@ -81,6 +81,7 @@ def test_joints_about_the_hips_hold_no_places(centred, seconds):
 def test_two_who_stand_still_for_a_short_while_have_places():
     first, *others = (np.broadcast_to(one[:1], (75, 15, 3)) for one in group())
     assert graded([first, *others], [first, *others]).similarity > 99
+    assert graded([first], [first])[:2] == (100, 1)
     # Who is not seen does not stand where another does.
     assert graded([np.full_like(first, np.nan), *others], [first, *others]) is None
 

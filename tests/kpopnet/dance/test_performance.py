@@ -1,8 +1,11 @@
 import numpy as np
 import pytest
-from dance_people import dance_joints_m
+from dance_people import dance_joints_m, performed
 
 from kpopnet.dance import performance
+from kpopnet.dance.online import OnlineScorer
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
 
 JOINTS_M = dance_joints_m(0, 4.0)
@@ -62,3 +65,27 @@ def test_a_dance_on_an_absolute_clock_begins_with_its_first_frame_or_with_the_da
     np.testing.assert_allclose(performance.from_absolute_clocks(dances[::-1])[2].times_s, TIMES_S, atol=1e-6)
     with pytest.raises(InputError, match="are they seconds"):
         performance.Performance(JOINTS_M, 1000 * (1.7e9 + TIMES_S))
+
+
+def test_what_is_no_dance_is_refused_in_one_line_online_and_offline():
+    joints_m, times_s = np.zeros((60, 15, 3)), np.arange(60) / 30
+    hidden = np.ma.masked_array(joints_m, np.arange(60)[:, None, None] < np.ones((15, 3)))
+    online = OnlineScorer(performed(dance_joints_m(0, 4.0)))
+    for joints, message in (
+        (hidden, "a masked array"),
+        ("none", "expected an array of numbers"),
+        ([[1, 2], [3]], "of numbers"),
+    ):
+        with pytest.raises(InputError, match=f"joints: .*{message}"):
+            Performance(joints, times_s)
+        with pytest.raises(InputError, match=message):
+            online.update(joints if isinstance(joints, str | list) else joints[0], 0.0)
+    with pytest.raises(InputError, match="confidence: a masked array"):
+        Performance(joints_m, times_s, hidden[..., 0])
+    slow = Performance(dance_joints_m(0, 12.0)[::9], np.arange(360)[::9] / 30)
+    for dances in ((slow, slow), (performed(dance_joints_m(0)), slow)):
+        with pytest.raises(InputError, match=r"the \w+'s dance: frames are 0\.3 s apart, in the median"):
+            score_dance(*dances)
+    for teacher, message in ((slow, r"the teacher's dance: frames are 0\.3 s apart"), (joints_m, "an array without times")):
+        with pytest.raises(InputError, match=message):
+            OnlineScorer(teacher)
