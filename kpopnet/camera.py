@@ -44,6 +44,8 @@ class Camera:
     def __post_init__(self) -> None:
         if not all(isinstance(side, numbers.Integral) and side > 0 for side in (self.width, self.height)):
             raise InputError(f"a camera's image must have at least one pixel, not {self.width}x{self.height}")
+        for name in ("width", "height"):
+            object.__setattr__(self, name, int(getattr(self, name)))  # those of numpy overflow
         for name in ("fx", "fy"):
             check_between(f"a camera's {name}", getattr(self, name), MIN_FOCAL_PX, MAX_FOCAL_PX)
         for name in ("cx", "cy"):

@@ -53,6 +53,13 @@ def test_what_is_no_camera_is_refused(wrong):
         Camera(*wrong)
 
 
+def test_the_sizes_of_an_array_are_those_of_a_camera():
+    """Numpy's small integers would overflow in a product."""
+    depth_m, size = np.ones((1200, 1600), np.float32), np.array([1600, 1200], np.uint16)
+    sizes = [subsampled(depth_m, Camera.centred(900.0, *those))[0].shape for those in (size, size.tolist())]
+    assert sizes[0] == sizes[1] and max(sizes[0]) < 1600
+
+
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (4096, 2048), (1, 100_000)])
 def test_large_images_lose_pixels_and_none_moves(width, height):
     camera = Camera(800.0, 810.0, 0.4 * width, 0.6 * height, width, height)
