@@ -117,8 +117,9 @@ class PoseEstimator:
         """The people in a recording, or in one image.
 
         Args:
-            depth: (T, H, W) depth of a whole scene, or its (H, W) images one after another, with their times or without, a
-                `DepthSource`, whose images have their times, or a single image, whose person must stand in view; uint16 millimetres or float metres, 0 where nothing was measured.
+            depth: (T, H, W) depth of a whole scene, or its (H, W) images one after another, with their times or without, or a
+                `DepthSource`, whose images have their times; or a single image, whose person must stand in view. uint16
+                millimetres or float metres, 0 where nothing was measured.
             camera: its camera.
             fps: frames per second of images without times.
             segmented: the depth shows one person, and 0 elsewhere: no person has to be found.
