@@ -15,8 +15,8 @@ Assumptions, where the paper is silent or wrong:
   inside the image. Up to a radius of 5 these are all pixels on the circle; beyond, D_T varies too slowly for more
   points to change the mean.
 - The paper's epsilon_r = 0.3 does not fit these definitions. On the axis of a straight limb of any width, R_T is
-  1 - 2/pi = 0.363 (0.36 to 0.5 on the pixel grid, 0.6 for a limb of four pixels), so 0.3 keeps little more than the ends
-  of limbs.
+  1 - 2/pi = 0.363 in the plane (on the pixel grid mostly 0.36 to 0.5, of single pixels down to 0.30; 0.6 for a limb of four
+  pixels), so 0.3 keeps little more than the ends of limbs.
 
 The ridge of a box cut out of an image equals that of the whole image if the box has a margin of two empty pixels around
 the person.

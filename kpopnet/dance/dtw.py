@@ -67,7 +67,7 @@ def frame_distance(learner, i, teacher, j, outlier):
 
     Differences are wrapped to -pi..pi, and their squares are weighted by the weights of both frames. Squares far beyond that of
     `outlier` count by their logarithm (Cauchy loss), so that a limb whose estimate is lost, or which does another move, does
-    not outweigh all others. With an infinite `outlier` this is the plain norm. Missing angles are assumed to differ as much as
+    not outweigh all others. With an infinite `outlier` this is a weighted norm. Missing angles are assumed to differ as much as
     the others on average; the result is NaN if more than half are missing.
     """
     total, product, num_present = 0.0, 1.0, 0.0

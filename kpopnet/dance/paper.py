@@ -1,4 +1,4 @@
-"""The paper's scorer: Eqs. (13) to (15) with the plain norm, matched with the paper's steps wherever a window fits best.
+"""The paper's scorer: Eqs. (13) to (15) with a weighted norm, matched with the paper's steps wherever a window fits best.
 
 docs/dance_scoring.md lists what it adds to the equations, which leave it open, and what each addition is worth. What is missing
 is left out: missing angles count as the others on average, and a window in which less than half of the matched frames could be
@@ -53,7 +53,7 @@ class PaperScorer:
     beta: float = 0.4
     tau: float = 0.5
 
-    hop_s: ClassVar[float] = WINDOW_S  # the paper's windows do not overlap
+    hop_s: ClassVar[float] = WINDOW_S  # windows that do not overlap: the paper does not say
     mirrored: ClassVar[str] = "false"
     latency_s: ClassVar[float] = 0.0
     noise: ClassVar[str] = "none"
@@ -105,7 +105,10 @@ class PaperTeacher:
         return score._replace(posture=math.nan) if math.isnan(score.delay_s) else score
 
     def _as_printed(self, learner: Features, start: int) -> WindowScore:
-        """The score of a window by Algorithm 3 as printed, which has no parts."""
+        """The score of a window by Algorithm 3 as printed, which has no parts.
+
+        The paper does not say how long its input is: here from the window's start to 1.5 s after its end.
+        """
         ahead = self.features.at(slice(start, start + WINDOW_FRAMES + BAND_FRAMES))
         timing, posture, half_length = algorithm_3(learner, ahead, self.scorer.alpha, self.scorer.beta, self.scorer.tau * FPS)
         delay_s = (len(learner.angles_rad) / 2 - half_length) / FPS

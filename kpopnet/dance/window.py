@@ -58,6 +58,7 @@ class WindowScore(NamedTuple):
         """S_t S_p of Eq. (15); 0 where no person is seen to dance, NaN where nothing can be said."""
         if math.isnan(self.timing) and not math.isnan(self.posture):
             return 0.0
+        # Eq. (15)
         return self.timing * self.posture / 100
 
 
@@ -84,7 +85,7 @@ def check_settings(alpha: float, beta: float, tau: float) -> None:
 def timing_similarity(delay_s: float, alpha: float, tau_s: float) -> float:
     """S_t in 0..1 of a delay in seconds: 0 for delays of at least tau."""
     # Eq. (13)
-    return 1 - min(1.0, math.exp((abs(delay_s) - tau_s) / (alpha * tau_s)))
+    return 1 - math.exp(min(0.0, (abs(delay_s) - tau_s) / (alpha * tau_s)))
 
 
 def nothing_seen(teacher: Features, parts: np.ndarray, start: int) -> WindowScore:
@@ -118,6 +119,7 @@ def window_score(
     `timing` (S_t, 0 to 100) and `expected` are those of `WindowScore`.
     """
     coverage = np.where(on_path.taught, on_path.seen, np.nan)
+    # The sum of Eq. (14), over the teacher's frames.
     means = _mean_over_frames(np.column_stack([pairs, coverage]), path)
     posture, compared, compared_parts = 100 * means[0], means[1], coverage.shape[1]
     if not compared >= MIN_COMPARED_FRACTION:

@@ -49,7 +49,8 @@ class Sequence:
     camera: Camera  # camera of the depth images
     depth_m: np.ndarray  # (T, H, W) float32 metres; 0 where nothing was measured
     joints_camera_m: np.ndarray  # (T, 15, 3) float32 true joints in metres in the camera frame; NaN where unknown
-    visible: np.ndarray  # (T, 15) bool, whether the joint is visible in the image; false where its true position is unknown
+    # (T, 15) bool, whether the set calls the joint visible, as SMMC-10 its markers; else whether its position is known
+    visible: np.ndarray
     # (T,) float32 heading of the person, 0 facing the camera, positive to the person's left; None if unknown
     yaw_rad: np.ndarray | None = None
     is_segmented: bool = True  # whether the depth shows only the person, with 0 elsewhere. Otherwise it shows the whole scene

@@ -1,7 +1,8 @@
 """Human extraction as the paper describes it (section 2.1, Algorithm 1), one image at a time.
 
-Its limits: the camera does not move; a person is found when they move; people and furniture that touch are one object;
-a body that the image shows in parts is several.
+Its limits: the camera does not move; a person is found when they move, and only before a measured background, since a pixel
+that measured nothing before has no difference; people and furniture that touch are one object; a body that the image shows in
+parts is several.
 
 Choices where the paper is silent or wrong; `floor` has those of the floor:
 

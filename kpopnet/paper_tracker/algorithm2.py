@@ -3,11 +3,11 @@
 As printed, candidates are pixels of the body's surface, and so are the joints, their means. Choices where the paper is silent
 (docs/paper.md has what each is worth):
 
-- r_j and epsilon_j are millimetres in Table 1; its best values are 110 and 50.
+- r_j and epsilon_j have no unit in Table 1; they are taken for millimetres. Its best values are 110 and 50.
 - "Insufficient" is fewer than `Plan.sufficient` valid candidates. The paper then repeats the step with raw depth, and does not
   say what happens to a joint for which that is insufficient too: `Plan.lost`.
 - The geodesic distance of Eq. (10) is the shortest path over the silhouette's cells. An edge across a depth jump counts
-  `kpopnet.geometry.depth_grid.JUMP_FACTOR` times its length.
+  `kpopnet.geometry.depth_grid.JUMP_FACTOR` times its length. A candidate that lies in no cell counts as straight.
 - Eqs. (6) and (8) need the distance from the head (the torso's centre) to the line through candidate and opposite shoulder
   (hip). The first of the two shoulders, and of the two hips, is tested against the prediction of the other.
 - The neck, which the paper does not estimate, lies between the shoulders and the head.

@@ -102,6 +102,7 @@ def average_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
 
     Assumptions: the paper does not say how a missing estimate counts; it is left out.
     """
+    # Eq. (16)
     return mean_error_m(np.where(visible, errors_m, np.nan))
 
 

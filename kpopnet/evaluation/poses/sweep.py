@@ -32,7 +32,7 @@ class Sweep:
         table = Table([f"{rows} / {columns}", *(f"{value}: {what}" for value in column_values for what in ("mAP", "fps"))], [])
         for value, names in zip(row_values, self.names, strict=True):
             found = [metrics[name] for name in names]
-            cells = [cell for one in found for cell in (Value(one["map_10cm"], digits=3), Value(one["fps"]))]
+            cells = [cell for one in found for cell in (Value(one["map_14"], digits=3), Value(one["fps"]))]
             table.rows.append([str(value), *cells])
         return table
 
@@ -41,7 +41,7 @@ class Sweep:
         rows, columns = ({"setting": setting, "values": values} for setting, values in self.axes.items())
         return {"estimator": self.estimator, "rows": rows, "columns": columns} | {
             key: [[metrics[name][key] for name in names] for names in self.names]
-            for key in ("map_10cm", "mean_error_cm", "missing_joints", "fps")
+            for key in ("map_14", "map_10cm", "mean_error_cm", "missing_joints", "fps")
         }
 
 

@@ -145,3 +145,24 @@ def test_limbs_have_the_angles_that_rotations_give_one_by_one():
                     assert angles[f"{name}_inclination"][0][frame] == pytest.approx(np.arccos(x), abs=1e-6)
                     azimuth, weight = (array[frame] for array in angles[f"{name}_azimuth"])
                     assert weight * np.exp(1j * azimuth) == pytest.approx(weight * np.exp(1j * np.arctan2(z, y)), abs=1e-6)
+
+
+def test_the_angles_of_17_are_those_of_its_definition():
+    """A slow twin: the torso's principal axes, and each bone's inclination and azimuth to u and r, or to its parent."""
+    joints_m = JOINTS_M + np.random.default_rng(0).normal(0, 0.01, JOINTS_M.shape)
+    angles_rad = dance_features(joints_m, "raptis", FPS).angles_rad
+    torso = [Joint.NECK, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP]
+    for pose_m, found in zip(joints_m, angles_rad, strict=True):
+        u, r, _ = np.linalg.svd(pose_m[torso] - pose_m[torso].mean(axis=0))[2]
+        u = u * np.sign(u @ (pose_m[[Joint.RIGHT_HIP, Joint.LEFT_HIP]].mean(axis=0) - pose_m[Joint.NECK]))
+        r = r * np.sign(r @ (pose_m[Joint.LEFT_SHOULDER] - pose_m[Joint.RIGHT_SHOULDER]))
+        t = np.cross(u, r)
+        first, second = [], []
+        for part, side in ((0, "RIGHT"), (0, "LEFT"), (1, "RIGHT"), (1, "LEFT")):
+            root, middle, end = (pose_m[Joint[f"{side}_{name}"]] for name in LIMBS[part])
+            upper, lower = (one / np.linalg.norm(one) for one in (middle - root, end - middle))
+            first += [np.arccos(upper @ u), np.arctan2(upper @ t, upper @ r)]
+            reference = r - (r @ upper) * upper
+            second += [np.arccos(lower @ upper), np.arctan2(np.cross(reference, lower) @ upper, reference @ lower)]
+        expected = np.array([np.arctan2(t[0], -t[2]), np.arcsin(t[1]), np.arctan2(r[1], u[1]), *first, *second])
+        assert np.abs(np.angle(np.exp(1j * (found - expected)))).max() < 1e-9

@@ -8,7 +8,7 @@ from y_people import y_joints
 
 from kpopnet.camera import CAMERAS
 from kpopnet.geometry.human_model import LIMB_PARENTS, HumanModel
-from kpopnet.paper_tracker.algorithm2 import Plan, is_valid
+from kpopnet.paper_tracker.algorithm2 import JOINT_ORDER, Plan, collect, is_valid
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig
 from kpopnet.skeleton import PAPER_JOINTS, Joint
 
@@ -67,6 +67,22 @@ def test_a_candidate_is_valid_where_the_equations_hold(joint: Joint) -> None:
         found.append(valid(joint, x_m, joints_m, geodesic_m))
         assert found[-1] == rule(joint, x_m, joints_m, geodesic_m)
     assert 0.1 < np.mean(found) < 0.9
+
+
+def test_candidates_whose_way_over_the_body_is_long_are_dropped() -> None:
+    """Eq. (10) by the ways to the candidates' cells: of two at one place one is reached along another limb."""
+    hand, way_m = Joint.LEFT_HAND, float(np.linalg.norm(JOINTS[Joint.LEFT_HAND] - JOINTS[Joint.LEFT_ELBOW]))
+    points, cells = np.tile(JOINTS[hand], (2, 1)), np.array([0, 1])
+    found = collect(int(hand), points, cells, np.array([1.1, 1.6]) * way_m, JOINTS, PRINTED)
+    assert found.near.all() and found.valid.tolist() == [True, False] and found.count == 1
+
+
+def test_joints_are_estimated_from_the_trunk_outwards_with_the_printed_settings() -> None:
+    order = JOINT_ORDER.tolist()
+    assert order[0] == Joint.HEAD and sorted(order) == sorted(PAPER_JOINTS)
+    assert all(order.index(parent) < order.index(joint) for joint, parent in LIMB_PARENTS.items())
+    printed = PaperTrackerConfig()
+    assert (printed.r_m, printed.epsilon_m, printed.epsilon_r, printed.straightness) == (0.11, 0.05, 0.3, 0.7)
 
 
 def test_both_shoulders_may_slide_along_their_line_unless_the_head_holds_them() -> None:

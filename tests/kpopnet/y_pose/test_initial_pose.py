@@ -56,7 +56,8 @@ def test_variants_of_the_y_pose_are_accepted(elevation_deg: float, abduction_deg
 
 def test_bent_elbows_are_at_the_intersection_of_the_lines() -> None:
     joints = y_joints(elevation_deg=40, elbow_deg=30, place_m=(0, 0.15, 3.2))
-    assert error_m(initial_pose(draw_y(joints, CAMERA), CAMERA), joints)[ARMS].max() < 0.05
+    # At a fixed share of the arm they would be 2.4 cm off.
+    assert error_m(initial_pose(draw_y(joints, CAMERA), CAMERA), joints)[ARMS].max() < 0.02
 
 
 # --- refusals -----------------------------------------------------------------------------------------------------
