@@ -33,7 +33,7 @@ def test_every_file_names_its_commit_and_commands(path):
     assert code and commands and made["date"], path
 
 
-@pytest.mark.parametrize("page", results.PAGES, ids=lambda path: path.name)
+@pytest.mark.parametrize("page", (*results.PAGES, *results.ALSO), ids=lambda path: path.name)
 def test_the_tables_of_a_page_are_those_of_the_files(page):
     text = page.read_text()
     assert results.filled(text) == text, f"{page}: run `python tools/results.py pages`"
@@ -58,6 +58,9 @@ def leaves(found, keys=()):
 @pytest.mark.parametrize("file", ["earlier", "before_upright"])
 def test_earlier_figures_are_kept_only_where_a_page_shows_them(file):
     shown = {reference for page in results.PAGES for _, reference in results.referenced(page.read_text())}
+    (rooms,) = results.tomllib.loads((results.RESULTS / "tables.toml").read_text())["rooms"]
+    in_table = f"{rooms['before']}:{{}}/{rooms['estimator']}/{{}}/map_10cm"
+    shown |= {in_table.format(row, scene) for row in rooms["rows"] for scene in rooms["scenes"]}
     kept = {name: one for name, one in results.load(file).items() if name not in ("what", "commit", "date", "commands")}
     assert {f"{file}:{path}" for path in leaves(kept) if not path.endswith("/commit")} <= shown
 

@@ -16,7 +16,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,10 @@ from kpopnet.runtime.endings import user_errors
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results"
 PAGES = tuple(ROOT / name for name in ("README.md", "docs/results.md", "docs/compare.md", "kpopnet/weights/MODEL_CARD.md"))
-"""Their tables are made from the files; every figure outside the tables names its file."""
+"""Their tables are made from the files; every figure outside the tables that has a unit or a % names its file."""
+
+ALSO = (ROOT / "docs/trackers.md",)
+"""Pages some of whose figures name a file."""
 
 BLOCK = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 REFERENCE = re.compile(r"((?:(?<=[\s(\[])-)?\b\d+(?:\.\d+)?)((?: (?:%|cm|points))?)<!-- ([\w./:, -]+:[\w./:, -]+) -->")
@@ -180,13 +183,42 @@ def dances_table(chosen: list[dict]) -> Table:
     return table
 
 
+ROOMS = {"people_recall": "recall", "people_precision": "precision", "map_10cm": "joints", "mota": "MOTA", "idf1": "IDF1"}
+
+
+def rooms_table(chosen: list[dict]) -> Table:
+    """Films of several people, in percent, a figure of each seed in a cell: `rows`, of one estimator, and `before`, a file of
+    joints of the same images by what was there before. The last row holds the intervals of the one above it.
+    """
+    (group,) = chosen
+    earlier, files = load(group["before"]), {name: load(name)["estimators"][group["estimator"]] for name in group["rows"]}
+    table = Table(["scene", *ROOMS.values(), "joints before"], [])
+
+    def cell(numbers: Iterable[float | None]) -> str:
+        return ", ".join("-" if number is None else f"{100 * number:.1f}" for number in numbers)
+
+    def span(interval: list[float] | None) -> str:
+        return "-" if interval is None else "{:.0f} to {:.0f}".format(*(100 * end for end in interval))
+
+    for scene in group["scenes"]:
+        parts = [file[scene] for file in files.values()]
+        before = (earlier[name][group["estimator"]][scene]["map_10cm"] for name in files)
+        table.rows.append([scene.replace("_", " "), *(cell(part[name] for part in parts) for name in ROOMS), cell(before)])
+    intervals = (", ".join(span(part["interval"][name]) for part in parts) for name in ROOMS)
+    table.rows.append(["95 % intervals over films and images", *intervals, ""])
+    return table
+
+
+TABLES = {"joints": joints_table, "readme": joints_table, "dances": dances_table, "rooms": rooms_table}
+"""What makes each table of the pages."""
+
+
 def filled(page: str) -> str:
     """The text of a page with its tables made anew, and the figures that name their file renewed."""
     tables = tomllib.loads((RESULTS / "tables.toml").read_text())
 
     def block(found: re.Match) -> str:
-        table = (dances_table if found[2] == "dances" else joints_table)(tables[found[2]])
-        return found[1] + table.markdown() + "\n" + found[3]
+        return found[1] + TABLES[found[2]](tables[found[2]]).markdown() + "\n" + found[3]
 
     def renewed(found: re.Match) -> str:
         shown, unit, reference = found.groups()
@@ -237,7 +269,7 @@ def main() -> None:
         for name in given.rows:
             make(name)
     else:
-        for path in PAGES:
+        for path in (*PAGES, *ALSO):
             path.write_text(filled(path.read_text()))
 
 
