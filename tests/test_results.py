@@ -33,7 +33,7 @@ def test_every_file_names_its_commit_and_commands(path):
     assert code and commands and made["date"], path
 
 
-@pytest.mark.parametrize("page", (*results.PAGES, *results.ALSO), ids=lambda path: path.name)
+@pytest.mark.parametrize("page", [*results.PAGES, *results.ALSO], ids=lambda path: path.name)
 def test_the_tables_of_a_page_are_those_of_the_files(page):
     text = page.read_text()
     assert results.filled(text) == text, f"{page}: run `python tools/results.py pages`"

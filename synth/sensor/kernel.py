@@ -11,7 +11,11 @@ import numpy as np
 from numba import njit
 from scipy.special import ndtri
 
-EDGE_M = 0.1  # neighbouring pixels that differ by more than this depth lie on two sides of an outline
+EDGE_M = 0.1
+"""A pixel lies on an outline if it and its four neighbours differ by more than this depth, metres: over two pixels, whatever
+their slope. So far floors and walls count too in small images: of room images of 160 by 128 pixels 31 % of the pixels, three
+quarters of them on one plane, of 640 by 576 5 %. A second difference would spare them; it is left to the next generator, since
+all networks learnt from this one and all benchmarks were measured with it."""
 
 INT_OFFSET_PX = 1024
 """Added to a shift in pixels before int() so that int() rounds down; math.floor would cost more than the rest."""
@@ -125,6 +129,7 @@ def _shadows(depth, shadow):
 
     In the view of a projector at x = baseline, pixel u of depth z lies at u - f baseline / z (`shadow` is f baseline).
     From the projector's side of the row to the other, these positions move monotonically except behind a nearer surface.
+    A surface ends at the middle of its last pixel: shadows are one pixel narrower than by triangulation.
     """
     height, width = depth.shape
     lost = np.zeros(depth.shape, np.bool_)
