@@ -1,11 +1,12 @@
 """The tool that trains a webcam's network, on points of people whose depth is guessed too small: through the program."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from dance_people import dance_joints_m
-from programs import run_program
+from programs import run_program, tool
 
 from kpopnet.dance.joint_files.mediapipe import CAMERA
 from kpopnet.dance.joint_files.points import MEDIAPIPE_NAMES
@@ -40,6 +41,7 @@ def write_film(folder, number):
 def test_a_short_training_finds_depth_in_films_that_were_held_out_and_repeats(tmp_path):
     for number in range(8):
         write_film(tmp_path / "films", number)
+    (tmp_path / "films/manifest.json").write_text('{"clips": "pack"}')
     given = ("fit", "films", "--steps", 60, "--held-out", 4, "--figures", "figures.json", "--out")
     first = run_program("tools/fit_lifting.py", tmp_path, *given, "net.safetensors")
     assert first.returncode == 0, first.stderr
@@ -54,6 +56,24 @@ def test_a_short_training_finds_depth_in_films_that_were_held_out_and_repeats(tm
     assert (tmp_path / "net.safetensors").read_bytes() == (tmp_path / "again.safetensors").read_bytes()
 
 
-def test_a_folder_without_films_is_named(tmp_path):
-    ended = run_program("tools/fit_lifting.py", tmp_path, "fit", ".", "--out", "net.safetensors")
-    assert ended.returncode == 1 and "no film_*.npz in which a person was found" in ended.stderr
+def test_folders_and_films_that_cannot_be_learnt_from_are_named(tmp_path):
+    def ended(*options):
+        done = run_program("tools/fit_lifting.py", tmp_path, "fit", ".", "--out", "net.safetensors", "--steps", 1, *options)
+        assert done.returncode == 1 and done.stderr.count("\n") == 1
+        return done.stderr
+
+    assert "no film_*.npz in which a person was found" in ended()
+    write_film(tmp_path, 1)
+    assert "no film is left to learn from with --held-out 1" in ended("--held-out", 1)
+    (tmp_path / "film_00002.npz").write_bytes((tmp_path / "film_00001.npz").read_bytes()[:900])
+    assert "film_00002.npz: not a readable film" in ended()
+
+
+def test_without_recordings_no_film_is_called_a_recording(capsys):
+    fit_lifting = tool("fit_lifting")
+    film = fit_lifting.Pictures(SimpleNamespace(points_m=np.zeros((3, 15, 3))), np.zeros((3, 15, 3)))
+    figures = [
+        fit_lifting.report(lambda seen: (np.zeros((3, 15, 3)), np.full((3, 15), 0.9)), {1: film}, known)
+        for known in (True, False)
+    ]
+    assert "recorded" in figures[0] and "other" not in figures[0] and "other" in figures[1] and "recorded" not in figures[1]

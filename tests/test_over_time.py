@@ -42,6 +42,11 @@ def test_a_short_training_steadies_a_person_at_rest_and_repeats(tmp_path, form):
     else:
         again = run_program("tools/over_time.py", tmp_path, *arguments, "net.safetensors")
         assert again.stdout == first.stdout and "epoch" not in again.stderr  # what is there is measured, not trained again
+        other = run_program("tools/over_time.py", tmp_path, *arguments, "net.safetensors", "--future")
+        assert other.returncode == 1 and "net.safetensors: is of the causal form" in other.stderr
+        (tmp_path / "fresh/film_00100.npz").write_bytes(b"cut")
+        torn = run_program("tools/over_time.py", tmp_path, *arguments, "net.safetensors")
+        assert torn.returncode == 1 and "film_00100.npz: not a readable film" in torn.stderr
 
 
 @pytest.mark.parametrize(

@@ -23,12 +23,13 @@ from tqdm import tqdm
 
 from kpopnet.camera import Camera
 from kpopnet.dance.joint_files.mediapipe import CAMERA, seen_joints
-from kpopnet.data.made_sets import claim_folder
+from kpopnet.data.made_sets import MANIFEST, claim_folder
 from kpopnet.errors import InputError
 from kpopnet.networks.lifting import READ, Lifting, Sighting
 from kpopnet.rotations import about, multiply
 from kpopnet.runtime.atomic_write import write_json, write_npz, write_whole
 from kpopnet.runtime.endings import user_errors
+from kpopnet.runtime.input_files import parsing, read_json
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 from kpopnet.teacher.live.webcam import read_seen
@@ -115,7 +116,7 @@ class Pictures(NamedTuple):
 
 def of_film(path: Path) -> Pictures | None:
     """The pictures of a film in which a person was found; None where there are too few."""
-    with np.load(path) as stored:
+    with parsing(path, "not a readable film", "delete it and make it again"), np.load(path) as stored:
         points, true_m = stored["points"], stored["true_m"]
     seen, expected_m = [], []
     for found, joints_m in zip(points, true_m, strict=True):
@@ -171,8 +172,11 @@ def _mirrored(points_m: Tensor) -> Tensor:
     return points_m[:, MIRROR] * torch.tensor([-1.0, 1.0, 1.0])
 
 
-def report(network: Lifting, films: dict[int, Pictures]) -> dict[str, Any]:
-    """Prints the errors about the torso in films, by their numbers, of the points and of the network; cm and percent."""
+def report(network: Lifting, films: dict[int, Pictures], recordings: bool) -> dict[str, Any]:
+    """Prints the errors about the torso in films, by their numbers, of the points and of the network; cm and percent.
+
+    `recordings` tells whether every third film is a recording.
+    """
     points_cm, lifted_cm, chances = [], [], []
     for one in films.values():
         joints_m, chance = network(one.seen)
@@ -180,10 +184,10 @@ def report(network: Lifting, films: dict[int, Pictures]) -> dict[str, Any]:
         for found_cm, found_m in ((points_cm, points_m), (lifted_cm, joints_m)):
             found_cm.append(100 * np.linalg.norm(found_m - one.true_m, axis=-1))
         chances.append(chance)
-    kinds = {
-        kind: [error_cm for number, error_cm in zip(films, lifted_cm, strict=True) if number % len(TURNS) == rest]
-        for rest, kind in enumerate(TURNS)
-    }
+    kinds: dict[str, list[np.ndarray]] = {kind: [] for kind in TURNS}
+    for number, error_cm in zip(films, lifted_cm, strict=True):
+        kind = TURNS[number % len(TURNS)]
+        kinds["other" if kind == "recorded" and not recordings else kind].append(error_cm)
     figures: dict[str, Any] = {}
     for name, errors in {"points": points_cm, "lifted": lifted_cm, **kinds}.items():
         if errors:
@@ -227,11 +231,14 @@ def main() -> None:
     if not films:
         raise InputError(f"{given.folder}: no film_*.npz in which a person was found; `tools/fit_lifting.py films` makes them")
     held_out = dict(list(films.items())[:: given.held_out]) if given.held_out else {}
+    if len(held_out) == len(films):
+        raise InputError(f"{given.folder}: no film is left to learn from with --held-out {given.held_out}")
     arrays = trained([one for number, one in films.items() if number not in held_out], given.steps)
     given.out.parent.mkdir(parents=True, exist_ok=True)
     write_whole(given.out, safetensors.numpy.save(arrays))
     if held_out:
-        figures = report(Lifting.load(given.out), held_out)
+        manifest = read_json(given.folder / MANIFEST)
+        figures = report(Lifting.load(given.out), held_out, bool(manifest.get("clips")))
         if given.figures:
             write_json(given.figures, {"what": "SIMULATED films in colour", "films": len(held_out)} | measured_by() | figures)
 

@@ -35,6 +35,7 @@ from kpopnet.networks.checkpoint import load_network
 from kpopnet.networks.network import PersonHead, PoseNetwork
 from kpopnet.runtime.atomic_write import write_json, write_npz, write_whole
 from kpopnet.runtime.endings import user_errors
+from kpopnet.runtime.input_files import parsing
 from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import Joint
 from kpopnet.weights import SHA256
@@ -113,7 +114,8 @@ class Looks:
         )  # fmt: skip
         found = []
         for number in range(files):
-            with np.load(self.path(number)) as stored:
+            path = self.path(number)
+            with parsing(path, "not a readable file", "delete it and make it again"), np.load(path) as stored:
                 features, certainty, kinds = (stored[name] for name in ("features", "certainty", "kinds"))
             counts = kinds != NEITHER
             found.append(Found(features[counts], certainty[counts], kinds[counts] == A_PERSON))

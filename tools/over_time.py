@@ -20,9 +20,11 @@ import torch
 from torch import Tensor, nn
 
 from kpopnet.errors import InputError
+from kpopnet.evaluation.intervals import FEWEST_UNITS
 from kpopnet.networks.over_time import BASES, CHILDREN, FEATURES, PARENTS, Measured, OverTime, read
 from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.runtime.endings import user_errors
+from kpopnet.runtime.input_files import parsing
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 
 log = logging.getLogger(__name__)
@@ -46,7 +48,7 @@ def films_in(folder: Path, mirrored: bool) -> list[dict[str, np.ndarray]]:
     """The films of a folder as `varied` takes them, of plain images or with their mirror images."""
     films, prefix = [], "mirror_" if mirrored else ""
     for path in sorted(folder.glob("film_*.npz")):
-        with np.load(path) as file:
+        with parsing(path, "not a readable film", "delete it and make it again"), np.load(path) as file:
             film = {name: file[name] for name in ("true_m", "times_s", "hidden")}
             films.append(film | {name: file[prefix + name] for name in Measured._fields})
     if not films:
@@ -201,7 +203,7 @@ def rest(joints_m: np.ndarray, film: dict[str, np.ndarray], near: np.ndarray) ->
 
 
 def report(by_name: dict[str, list[dict[str, tuple[float, float]]]], new: str, old: str) -> None:
-    """Prints every figure of all, then the differences new - old."""
+    """Prints every figure of all, then the differences new - old, with intervals over films where there are enough of them."""
     rng, films = np.random.default_rng(0), len(by_name[new])
     rows = [np.arange(films), *(rng.integers(films, size=films) for _ in range(RESAMPLES))]
 
@@ -216,7 +218,8 @@ def report(by_name: dict[str, list[dict[str, tuple[float, float]]]], new: str, o
         change = values(new, key) - values(old, key)
         low, high = np.percentile(change[1:], (2.5, 97.5))
         each = ", ".join(f"{name} {values(name, key)[0]:.2f}" for name in by_name)
-        print(f"{key}: {each}; difference {change[0]:+.2f} ({low:+.2f} to {high:+.2f})")
+        interval = f" ({low:+.2f} to {high:+.2f})" if films >= FEWEST_UNITS else ""
+        print(f"{key}: {each}; difference {change[0]:+.2f}{interval}")
 
 
 def measure(network: OverTime, films: list[dict[str, np.ndarray]]) -> None:
@@ -247,6 +250,8 @@ def main() -> None:
         arrays = trained(films_in(given.films, given.future), given.future, given.epochs)
         write_whole(given.out, safetensors.numpy.save(arrays))
     network = OverTime.load(given.out)
+    if given.future and not network.future:
+        raise InputError(f"{given.out}: is of the causal form, and is measured only; without --future, or give another --out")
     measure(network, fresh[network.future])
 
 

@@ -1,7 +1,8 @@
 """Batches of crops for a network, made from observations: the torch data set of training and validation.
 
 The samples of a batch and their augmentation are pure functions of (seed, step), in any process. Therefore a resumed run
-is exact, and the number of worker processes does not change the results.
+is exact, and the number of worker processes does not change the batches. (It changes the threads that are left to torch, where
+`threads` does not set them, and with these the last digits of the weights.)
 """
 
 import os
