@@ -22,6 +22,10 @@ MOST_WINDOWS = 500
 NEAR_SHARE = 1 / 3
 """Of a dance, how far apart pairs of windows are that give a tempo."""
 
+MOST_SPREAD = 0.06
+"""Median difference of the pairs' slopes from theirs beyond which they tell no tempo: who dances a fifth faster or slower soon
+leaves the band of delays, and windows beyond it match by chance (docs/ledger.md)."""
+
 HARMONICS, BEAT_STEPS = 3, 400
 """Of the mean course of a hand over a beat: waves of its Fourier series, and samples."""
 
@@ -39,7 +43,8 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray, weight:
     second. The slope is the median over pairs of windows (Theil 1950), so that windows matched in a wrong place do not count:
     pairs that are apart by NEAR_SHARE of the dance at most, fewer than half of which go across a single pause in it.
     The (N,) start and delay of the windows are seconds, the delay NaN where unknown; those without weight do not count. NaN
-    unless MIN_WINDOWS windows, and half of all or SURE_WINDOWS, have a known delay and a posture of at least MIN_POSTURE.
+    unless MIN_WINDOWS windows, and half of all or SURE_WINDOWS, have a known delay and a posture of at least MIN_POSTURE, and
+    half of the slopes are within MOST_SPREAD of their median.
     """
     good = np.flatnonzero(np.isfinite(delay_s) & (posture >= MIN_POSTURE) & (weight > 0))
     if len(good) < max(MIN_WINDOWS, min((weight > 0).sum() / 2, SURE_WINDOWS)):
@@ -48,7 +53,9 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray, weight:
     first, second = np.triu_indices(len(good), 1)
     rise_s, run_s = (one[good][second] - one[good][first] for one in (delay_s, start_s))
     near = run_s <= NEAR_SHARE * np.ptp(start_s[good])
-    return float(1 - np.median(rise_s[near] / run_s[near]))
+    slopes = rise_s[near] / run_s[near]
+    slope = np.median(slopes)
+    return float(1 - slope) if np.median(abs(slopes - slope)) <= MOST_SPREAD else math.nan
 
 
 def measured_latency_s(delay_s: np.ndarray, posture: np.ndarray) -> float:

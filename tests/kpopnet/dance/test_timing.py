@@ -4,7 +4,10 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from dance_people import FPS, dance_joints_m
 
+from kpopnet.dance.performance import Performance
+from kpopnet.dance.scoring import score_dance
 from kpopnet.dance.timing import beat_latency_s, tempo
 from kpopnet.skeleton import Joint
 
@@ -48,3 +51,12 @@ def test_a_pause_is_no_tempo(ratio, pause_s):
     start_s = 0.5 * np.arange(36)
     delay_s = (1 - ratio) * start_s + pause_s * (start_s > 9)
     assert tempo(start_s, delay_s, *np.full((2, len(start_s)), 90.0)) == pytest.approx(ratio, abs=1e-6)
+
+
+@pytest.mark.parametrize(("dance", "ratio", "told"), [(1, 1.15, True), (2, 1.25, False), (4, 0.7, False)])
+def test_a_tempo_whose_windows_match_by_chance_is_not_told(dance, ratio, told):
+    """Copies at another tempo, of which the last two soon leave the band of delays: 1.13 and 0.89 would be told."""
+    joints_m = dance_joints_m(dance, 15.0)
+    times_s = np.arange(len(joints_m)) / FPS
+    found = score_dance(Performance(joints_m, times_s), Performance(joints_m, times_s / ratio)).tempo
+    assert found == pytest.approx(ratio, abs=0.02) if told else np.isnan(found)
