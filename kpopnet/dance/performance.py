@@ -105,12 +105,14 @@ class Performance:
 
 def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: str) -> Performance:
     """A dance that may be given as (T, 15, 3) joints in metres in the camera frame, whose first frame is at time 0."""
-    if not isinstance(dance, Performance) and (fps is None or not 0 < fps <= 1000):
-        raise InputError(f"the {whose}'s dance is an array without times and fps={fps}; give its frames per second, fps=30")
     try:
-        return check_rate(dance if isinstance(dance, Performance) else Performance(dance, np.arange(len(dance)) / fps))
+        if isinstance(dance, Performance):
+            return check_rate(dance)
+        if fps is not None and 0 < fps <= 1000:
+            return check_rate(Performance(dance, np.arange(len(dance)) / fps))
     except (InputError, TypeError) as error:  # a TypeError of what has no length
         raise InputError(f"the {whose}'s dance: {error}") from error
+    raise InputError(f"the {whose}'s dance is an array without times and fps={fps}; give its frames per second, fps=30")
 
 
 def from_absolute_clocks(dances: Sequence[Performance]) -> list[Performance]:
