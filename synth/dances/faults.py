@@ -19,7 +19,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from kpopnet.rotations import continuous, multiply, normalised, towards, turns
 from synth.motion.posture import CHANNELS, STANDING, rotations
-from synth.motion.skeleton import INDEX, NUM_JOINTS, PARENTS, Motion, on_floor_m
+from synth.motion.skeleton import INDEX, LEG_M, NUM_JOINTS, PARENTS, Motion, on_floor_m
 from synth.motion.splice import as_high_as, at_times
 
 Fault = Callable[[Motion, float, np.random.Generator], Motion]
@@ -169,6 +169,6 @@ def end_motion(end: str, teacher: Motion, other: Motion, rng: np.random.Generato
 
 
 def on_the_floor(postures: np.ndarray, like: Motion, name: str) -> Motion:
-    """The motion of a person who stays in place in (T, C) postures, with the frame rate and the legs of another motion."""
+    """The motion of a person who stays in place in (T, C) postures, with the frame rate of another motion."""
     quats = rotations(postures)
-    return Motion(quats, on_floor_m(quats), like.fps, name, like.leg_m)
+    return Motion(quats, on_floor_m(quats), like.fps, name, LEG_M)

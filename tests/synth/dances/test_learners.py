@@ -62,6 +62,8 @@ def test_who_dances_late_leaves_the_floor_late_and_the_size_of_a_skeleton_change
     other = replace(teacher, root_m=size * teacher.root_m, leg_m=size * teacher.leg_m)
     late = with_faults(other, {"lag": 0.2 / LAG_S}, np.random.default_rng(0))
     assert height_above_floor(late.quats, late.root_m, late.leg_m).argmax() == 106
+    still = end_motion("standing still", other, other, np.random.default_rng(0))
+    assert abs(height_above_floor(still.quats, still.root_m, still.leg_m)).max() < 1e-4
     studio, person = Studio(CAMERAS["kinect_v1"], "cpu"), draw_person(np.random.default_rng(0), BodyConfig(), "train")
     hips_m = [studio.play(person, cut(one, 98, 103), 0.0, np.zeros(2)).hips_m for one in (teacher, other)]
     np.testing.assert_allclose(*hips_m, atol=1e-5)
