@@ -192,7 +192,7 @@ def read(measured: Measured, times_s: np.ndarray, future: bool) -> tuple[np.ndar
 
     Before a time that is before the one before it, people start again.
     """
-    gap_s, steps_s = np.full_like(times_s[:1], np.inf), np.diff(times_s, axis=0)
+    gap_s, steps_s = np.full_like(times_s[:1], np.inf, float), np.diff(times_s, axis=0)
     steps_s = np.where(steps_s < 0, gap_s, np.where(steps_s == 0, FRAME_S, steps_s))
     points_m, differences_m, seen = _one_way(measured, np.concatenate([gap_s, steps_s]))
     if not future:

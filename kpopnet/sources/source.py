@@ -1,5 +1,6 @@
 """Where depth comes from, image by image: a recording, or a live camera."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -130,9 +131,20 @@ SEARCH_EVERY_S = 0.3
 """How often a camera that is away is looked for."""
 
 
-def moment(stated_s: float | None, arrived_s: float) -> float:
-    """When an image was taken: what its camera states, if that is a time of `time.monotonic`; else when it arrived, seconds."""
-    return stated_s if stated_s is not None and 0 <= arrived_s - stated_s < SILENCE_S else arrived_s
+class CameraClock:
+    """When the images of a live camera were taken, in seconds of `time.monotonic`, each later than the one before."""
+
+    def __init__(self) -> None:
+        self._before_s = -math.inf
+
+    def moment(self, stated_s: float | None, arrived_s: float) -> float:
+        """What the camera states, if that is a time of this clock and not before the last image; else when the image arrived.
+
+        After a stall the first images are old and count as taken when they arrive: those that follow were stated to be earlier.
+        """
+        is_taken = stated_s is not None and 0 <= arrived_s - stated_s < SILENCE_S and stated_s > self._before_s
+        self._before_s = stated_s if is_taken else arrived_s
+        return self._before_s
 
 
 class LiveCamera(Protocol):

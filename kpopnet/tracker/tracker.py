@@ -131,7 +131,7 @@ class Tracker:
         if len(grid.points_m) < MIN_POINTS:
             self.miss(time_s)
             return missing
-        stalled = self._elapsed_s(time_s) > LOST_S and self.started
+        stalled = self._missing_s + self._elapsed_s(time_s) > LOST_S and self.started
         self._missing_s = 0.0
         if not (self.started or self._find_start(depth_m, grid)):
             return missing

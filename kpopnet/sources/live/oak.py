@@ -15,7 +15,7 @@ from kpopnet.runtime.input_files import first_line
 from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.camera_files import optics
 from kpopnet.sources.lenses import View
-from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, moment
+from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, CameraClock
 
 NAME = "OAK camera"
 SIZE, FPS = (640, 400), 30.0
@@ -49,6 +49,7 @@ class OakCamera:
         self._build, self._pipeline = build, None
         self.camera: Camera | None = None
         self._view: View | None = None
+        self._clock = CameraClock()
         try:
             self._connect()
         except CameraAwayError as error:
@@ -61,7 +62,7 @@ class OakCamera:
         frame = self._next(SILENCE_S)
         now = time.monotonic()
         depth_m = depth_in_metres(frame.getFrame(), where=NAME, unit_known=True)
-        return self._view.image(depth_m), moment(frame.getTimestamp().total_seconds(), now)
+        return self._view.image(depth_m), self._clock.moment(frame.getTimestamp().total_seconds(), now)
 
     def close(self) -> None:
         pipeline, self._pipeline = self._pipeline, None

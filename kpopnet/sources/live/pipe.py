@@ -14,7 +14,7 @@ from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.runtime.input_files import parsing
 from kpopnet.sources.lenses import View
-from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, StoredImage, moment
+from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, CameraClock, StoredImage
 from kpopnet.sources.stream import HEAD, LINE_BYTES, parsed_header
 
 START_S = 10.0
@@ -71,6 +71,7 @@ class PipeCamera:
         self._newest: tuple[View, StoredImage, float] | None = None
         self._away, self._error, self._ended, self._unit_known = "", "", False, False
         self._connection: socket.socket | None = None
+        self._clock = CameraClock()
         threading.Thread(target=self._receive, daemon=True, name="pipe").start()
         with self._changed:
             self._changed.wait_for(lambda: self.camera or self._away or self._error, START_S)
@@ -92,7 +93,7 @@ class PipeCamera:
         view, image, arrived = newest
         depth_m = depth_in_metres(image.depth, where=image.where, unit_known=self._unit_known)
         self._unit_known = self._unit_known or tells_unit(depth_m)
-        return view.image(depth_m), moment(image.time_s, arrived)
+        return view.image(depth_m), self._clock.moment(image.time_s, arrived)
 
     def close(self) -> None:
         self._closed = True

@@ -46,7 +46,7 @@ def test_the_causal_form_does_not_see_the_future_and_the_other_does():
 
 def test_a_clock_that_stands_still_counts_as_thirty_images_a_second():
     for future in (False, True):
-        network, stopped_s = drawn(future), np.full(96, 7.0)
+        network, stopped_s = drawn(future), np.full(96, 7)  # a whole number
         for one, other in zip(
             network(*read(film(0), stopped_s, future)), network(*read(film(0), TIMES_S, future)), strict=True
         ):

@@ -187,6 +187,9 @@ def test_an_empty_room_gives_an_empty_list_and_a_warning(caplog):
     )
     assert PoseEstimator(Blob()).estimate(np.zeros((3, 60, 80), np.uint16), CAMERA) == []
     assert "The last image measures nothing." in caplog.text
+    near = np.full((3, 60, 80), 3.0, np.float32)
+    near[2] = 0.04  # a hand before the lens, once the unit is known
+    assert PoseEstimator(Blob()).estimate(near, CAMERA) == [] and "is 0.04 m away in the median" in caplog.text
 
 
 def test_the_answers_to_an_image_and_its_mirror_image_are_averaged_side_by_side():

@@ -22,7 +22,7 @@ from kpopnet.sources import open_depth
 from kpopnet.sources.lenses import Lens, Optics
 from kpopnet.sources.live import pipe
 from kpopnet.sources.live.pipe import PipeCamera, Relay
-from kpopnet.sources.source import CameraAwayError
+from kpopnet.sources.source import CameraAwayError, CameraClock
 
 IMAGES = depth_mm(6)
 
@@ -122,6 +122,15 @@ def test_images_arrive_bit_for_bit_with_their_times(sender):
         before = time.monotonic()
         sender.send(sent_image(IMAGES[0], unknown))
         assert before <= next_image(camera)[1] <= time.monotonic()
+
+
+def test_after_a_stall_times_do_not_run_back():
+    """Images of 1.2 s that come at once: the old ones are taken for taken now, and so are those that follow until they are."""
+    clock, stated_s = CameraClock(), 100 + np.arange(60) / 30
+    arrived_s = np.maximum(101.2 + np.arange(60) / 1000, stated_s + 0.01)
+    taken_s = np.array([clock.moment(*one) for one in zip(stated_s, arrived_s, strict=True)])
+    assert (np.diff(taken_s) > 0).all() and (taken_s <= arrived_s).all()
+    np.testing.assert_array_equal(taken_s[45:], stated_s[45:])
 
 
 def test_a_sender_of_metres_as_integers_is_refused_and_a_hand_before_the_camera_ends_nothing(sender):

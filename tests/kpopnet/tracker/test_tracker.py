@@ -180,13 +180,15 @@ def test_after_seconds_without_an_image_a_start_is_looked_for_and_the_pose_is_no
     lying[:, :2] = (standing - middle)[:, :2] @ np.array([(0, 1), (-1, 0)]) + middle[:2]
     (before,), (after,) = still(lying, 1), still(standing, 1)
     errors_m = []
-    for stall_s in (0.0, 3.0):
+    for missed, stall_s in ((False, 0.0), (False, 3.0), (True, 1.8)):
         tracker = Tracker(CAMERA)
         tracker.start(lying)
         for k in range(3):
             tracker.track(before, k / 30)
+        if missed:
+            tracker.miss(3 / 30 + 0.9)
         errors_m.append(error_m(tracker.track(after, 3 / 30 + stall_s)[0], standing).mean())
-    assert errors_m[0] > 0.3 and errors_m[1] < 0.02
+    assert errors_m[0] > 0.3 and max(errors_m[1:]) < 0.02
 
 
 @pytest.mark.parametrize("lost", [np.s_[:, :160], np.s_[:120]], ids=["left", "top"])
