@@ -142,9 +142,10 @@ class CameraClock:
 
         After a stall the first images are old and count as taken when they arrive: those that follow were stated to be earlier.
         """
-        is_taken = stated_s is not None and 0 <= arrived_s - stated_s < SILENCE_S and stated_s > self._before_s
-        self._before_s = stated_s if is_taken else arrived_s
-        return self._before_s
+        if stated_s is None or not 0 <= arrived_s - stated_s < SILENCE_S or stated_s <= self._before_s:
+            stated_s = arrived_s
+        self._before_s = stated_s
+        return stated_s
 
 
 class LiveCamera(Protocol):

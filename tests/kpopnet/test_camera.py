@@ -95,3 +95,24 @@ def test_a_matrix_of_intrinsics_is_read_and_a_foreign_one_refused():
     for wrong in (None, matrix.T, matrix[:2], matrix * 2):
         with pytest.raises(InputError, match="camera matrix"):
             Camera.from_intrinsics(wrong, 640, 480)
+
+
+def test_a_changed_images_camera_projects_to_where_the_pixels_went():
+    camera, point_m = Camera(500.0, 510.0, 300.0, 250.0, 640, 480), np.array([0.3, -0.2, 2.0])
+    u, v, _ = camera.project(point_m)
+    x, y, z = point_m
+    turned, mirrored, part = camera.turned(), camera.mirrored(), camera.cropped(40, 30, 500, 400)
+    assert (turned.width, turned.height) == (480, 640) and (part.width, part.height) == (500, 400)
+    np.testing.assert_allclose(turned.project([-y, x, z]), [479 - v, u, z])  # clockwise: the first row is the last column
+    np.testing.assert_allclose(mirrored.project([-x, y, z]), [639 - u, v, z])
+    np.testing.assert_allclose(part.project(point_m), [u - 40, v - 30, z])
+    smaller = camera.resized(160, 240)
+    np.testing.assert_allclose(smaller.project(point_m), [(u + 0.5) / 4 - 0.5, (v + 0.5) / 2 - 0.5, z])
+
+
+@pytest.mark.parametrize("kind", ["<u2", ">u2"])
+def test_the_largest_of_sixteen_bits_is_not_measured(kind):
+    depth = person(2500, np.uint16)
+    depth[:, :10] = 65535
+    np.testing.assert_array_equal(depth_in_metres(depth.astype(kind)), person(2.5, np.float32))
+    assert depth_in_metres(np.full((4, 4), 65535, np.uint32)).min() == np.float32(65.535)

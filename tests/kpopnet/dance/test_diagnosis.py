@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from dance_people import dance_joints_m, joints_of, mirrored, noisy, performed
 
-from kpopnet.dance.diagnosis import CORRECTIONS, Correction, corrected, delayed, diagnose, knees_bend_backwards
+from kpopnet.dance.diagnosis import AS_RECORDED, CORRECTIONS, Correction, corrected, delayed, diagnose, knees_bend_backwards
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.skeleton import Joint
@@ -121,3 +121,19 @@ def test_knees_that_bend_to_neither_front_nor_back_say_nothing():
     for part, x, y in (("SHOULDER", 0.2, -0.5), ("HIP", 0.1, 0), ("KNEE", 0.3, 0.4), ("FOOT", 0.1, 0.8)):
         sideways_m[:, Joint[f"RIGHT_{part}"]], sideways_m[:, Joint[f"LEFT_{part}"]] = (-x, y, 3), (x, y, 3)
     assert not knees_bend_backwards(performed(sideways_m))
+
+
+@pytest.mark.parametrize(
+    ("rate", "late_s", "is_sure"), [(0.8, -2.0, True), (1.25, 2.0, True), (0.9, -0.5, False), (1.1, 0.5, False)]
+)
+def test_what_a_dancer_may_do_faster_or_slower_late_or_early_is_not_sure(rate, late_s, is_sure):
+    one = Correction("swapped", "mirrored", rate, late_s)
+    assert one.sure == (one if is_sure else one._replace(rate=1.0, late_s=0.0))
+    assert one.rest == (AS_RECORDED if is_sure else Correction(rate=rate, late_s=late_s))
+
+
+def test_a_clock_that_is_late_is_corrected_to_an_earlier_one_from_its_first_frame_on():
+    late = performed(TEACHER.joints_m, delay_s=10.0)
+    np.testing.assert_allclose(delayed(late, 2.0, 1.25).times_s, 8 + 1.25 * TEACHER.times_s)
+    for late_s, word in ((2.0, "earlier"), (-2.0, "later")):
+        assert [str(one) for one in Correction(late_s=late_s).done] == [f"the learner's clock 2.00 s {word}"]

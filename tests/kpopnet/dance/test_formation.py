@@ -106,3 +106,21 @@ def test_members_are_levelled_together():
     above = [(one + np.array([0, 1.5, 0])) @ looks_down.T for one in leaning]
     found = graded(above, leaning)
     assert found.similarity > 99 and found.spread == pytest.approx(1, abs=0.01) and not found.remarks
+
+
+def test_who_stands_too_near_the_camera_is_too_far_forward():
+    learners = group()
+    learners[2] = learners[2] - [0, 0, 1.2]
+    (told,) = {str(text).split(" m ")[1] for member, _, text in graded(learners).remarks if member == 2}
+    assert told == "too far forward"
+
+
+def test_a_room_of_less_than_half_a_stage_is_too_small():
+    found = graded(group(spread=0.5 / MOST_SPREAD))
+    assert found.spread == pytest.approx(1 / MOST_SPREAD) and found.similarity < 90
+
+
+def test_a_fault_after_a_free_part_counts_and_is_told_at_the_time_of_the_dance():
+    assert graded(aside(1.2), free_s=[(0.0, 4.0)]).similarity < graded(aside(1.2)).similarity - 10
+    later = [[performed(one, delay_s=5.0) for one in dancers] for dancers in (group(), aside(1.2))]
+    assert formation(*later).remarks[-1][1] == pytest.approx(FAULT_S[0] + 5, abs=0.1)

@@ -9,7 +9,7 @@ from dance_people import FPS, dance_joints_m, noisy, performed
 from programs import tool
 
 from kpopnet.dance.features import FEATURES
-from kpopnet.dance.noise.table import NOISE, SEEN, SEEN_BY, doubt, kept_by_noise
+from kpopnet.dance.noise.table import CERTAIN, NOISE, SEEN, SEEN_BY, doubt, kept_by_noise
 from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance, off_by
 from kpopnet.dance.scoring import OURS, DanceScore, derived_torso, score_dance
@@ -173,3 +173,9 @@ def test_a_teacher_who_was_recorded_as_the_learner_has_a_noise_of_its_own(alike)
         assert score_dance(teacher, learner).scorer.noise == expected
         assert score_dance(teacher, learner, replace(OURS, noise=name)).scorer.noise == expected
         assert score_dance(performed(JOINTS_M), learner).scorer.noise == name
+
+
+def test_the_doubt_of_a_part_is_that_of_the_frames_that_show_it():
+    of_two, of_none = doubt(np.array([[0.9, 0.0], [0.6, 0.0], [0.0, 0.0]]))
+    assert of_two == pytest.approx(np.sqrt((0.1 + CERTAIN) * (0.4 + CERTAIN))) and of_none == 1
+    assert doubt(np.ones((3, 1))) == pytest.approx(0.003)

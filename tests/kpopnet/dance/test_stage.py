@@ -8,7 +8,7 @@ import pytest
 from dance_people import FPS, dance_joints_m, noisy, performed, turned
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.dimensions.stage import DIMENSIONS
+from kpopnet.dance.dimensions.stage import DIMENSIONS, StageScore, stage_score, stance
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.scoring import score_dance
 from kpopnet.skeleton import Joint
@@ -148,3 +148,86 @@ def test_who_turns_round_and_round_is_told_how_far_though_left_and_right_meet_at
     remarks = [str(text) for _, text in score_dance(performed(TEACHER_M), performed(learner_m)).stage_remarks()]
     (told,) = [text for text in remarks if "turned to the" in text]
     assert 90 < int(told.split("°")[0]) < 150
+
+
+STANDING_M = np.array(
+    [
+        *((0, -0.6, 3), (0, -0.4, 3), (-0.2, -0.4, 3), (0.2, -0.4, 3), (-0.3, -0.1, 3), (0.3, -0.1, 3), (-0.3, 0.2, 3)),
+        *((0.3, 0.2, 3), (0, -0.1, 3), (-0.1, 0.1, 3), (0.1, 0.1, 3), (-0.1, 0.5, 3), (0.1, 0.5, 3), (-0.1, 0.9, 3)),
+        (0.1, 0.9, 3),
+    ]
+)
+"""(15, 3) a person who faces the camera, metres."""
+UPPER = [Joint.HEAD, Joint.NECK, Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER]
+QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+"""A quarter turn about the camera's axis, of row vectors."""
+
+
+def stood(frames=240):
+    return np.repeat(STANDING_M[None], frames, axis=0)
+
+
+def compared(learner_m):
+    return stage_score(stood(len(learner_m)), learner_m, np.zeros(len(learner_m)))
+
+
+@pytest.mark.parametrize(
+    ("joints", "moved_m", "word"),
+    [
+        (list(Joint), (0.8, 0, 0), "too far left"), (list(Joint), (-0.8, 0, 0), "too far right"),
+        (list(Joint), (0, 0, 0.8), "too far back"), (list(Joint), (0, 0, -0.8), "too far forward"),
+        (list(Joint), (0, 0.3, 0), "too low"), (list(Joint), (0, -0.3, 0), "too high"),
+        (UPPER, (0.4, 0, 0), "leaning to the left"), (UPPER, (-0.4, 0, 0), "leaning to the right"),
+        (UPPER, (0, 0, 0.4), "leaning back"), (UPPER, (0, 0, -0.4), "leaning forward"),
+    ],
+)  # fmt: skip
+def test_each_side_has_its_word_for_who_faces_the_camera(joints, moved_m, word):
+    learner_m = stood()
+    learner_m[120:180, joints] += moved_m
+    ((at_s, text),) = compared(learner_m).remarks()
+    assert str(text).endswith(f" {word}") and at_s == pytest.approx(4)
+
+
+def test_the_longest_error_is_told_and_none_that_is_shorter_than_a_jump():
+    errors = np.zeros((240, 1))
+    errors[30:38], errors[60:80], errors[120:200] = 0.5, -0.5, 0.5
+    score = StageScore({}, {"height": errors}, 1.35)
+    assert [(at_s, str(text)) for at_s, text in score.remarks()] == [(4, "0.7 m too high")]
+    errors[60:] = 0
+    assert not list(score.remarks())
+
+
+def test_what_is_compared_for_an_instant_has_no_figure():
+    learner_m = stood()
+    learner_m[20:] = np.nan
+    assert compared(learner_m).figures == {}
+    assert min(compared(stood()).figures.values()) > 99
+
+
+def test_a_body_on_its_side_has_no_heading_but_a_lean():
+    learner_m = stood()
+    middle_m = STANDING_M[HIPS].mean(axis=0)
+    learner_m[120:180] = (learner_m[120:180] - middle_m) @ QUARTER + middle_m
+    errors = compared(learner_m).errors
+    on_side = np.isnan(errors["facing"][:, 0])
+    assert on_side[120:180].all() and not on_side[:120].any() and not on_side[180:].any()
+    np.testing.assert_allclose(np.linalg.norm(errors["lean"][120:180], axis=1), np.pi / 2, atol=1e-6)
+
+
+def test_a_body_on_its_side_keeps_its_heading_also_where_left_and_right_meet_at_the_back():
+    """A person who turns their back, and leans forward, a little to either side of the camera's axis."""
+    away_m, leaning_m = np.array([0, 0, 3.0]), STANDING_M.copy()
+    leaning_m[UPPER] -= [0, 0, 0.2]
+    turned_m = [
+        Rotation.from_euler("y", np.pi + off_rad).apply(leaning_m - away_m) + away_m for off_rad in (-0.05, -0.05, 0.05)
+    ]
+    joints_m = np.array(turned_m)
+    joints_m[1, [Joint.LEFT_HIP, Joint.RIGHT_HIP]] = joints_m[1, HIPS].mean(axis=0) + np.array([[0, 0.1, 0], [0, -0.1, 0]])
+    joints_m[1, [Joint.LEFT_SHOULDER, Joint.RIGHT_SHOULDER]] = joints_m[1, Joint.NECK] + np.array([[0, 0.2, 0], [0, -0.2, 0]])
+    found = stance(joints_m, np.eye(3))
+    assert np.isfinite(found.heading).tolist() == [True, False, True]
+    np.testing.assert_allclose(found.trunk[1], found.trunk[0], atol=0.05)
+
+
+def test_who_lies_all_the_time_is_not_taken_for_a_cameras_tilt():
+    assert stage(turned(TEACHER_M, np.array([1.0, 0, 0]), np.radians(75))).figures["lean"] < 50

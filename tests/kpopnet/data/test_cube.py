@@ -130,3 +130,10 @@ def test_images_of_another_size_than_the_cameras_are_refused():
     for refused in (lambda: person_centre(depth_m.T, CAMERA), lambda: crop(depth_m, CAMERA, cube, 8, ridge=depth_m[:-1])):
         with pytest.raises(InputError, match=r"an image of shape .*, expected the camera's"):
             refused()
+
+
+def test_pixels_need_not_be_square():
+    camera = Camera(200.0, 400.0, 10.0, 20.0, 64, 48)
+    depth_m = np.zeros((48, 64), np.float32)
+    depth_m[28:33, 28:33] = 2.0
+    np.testing.assert_allclose(person_centre(depth_m, camera), [0.2, 0.05, 2.0], atol=1e-6)

@@ -5,11 +5,13 @@ import pytest
 import torch
 
 from kpopnet.camera import Camera
+from kpopnet.data.canvas import reduced
 from kpopnet.data.person_masks import OWN
 from kpopnet.errors import InputError
 from kpopnet.finder import finder as finder_module
-from kpopnet.finder.finder import FinderConfig, PersonFinder
+from kpopnet.finder.finder import FinderConfig, PersonFinder, cells_of
 from kpopnet.finder.network import CellsOfImage, Seen
+from kpopnet.finder.people import TOGETHER
 from kpopnet.human import Look
 
 CAMERA = Camera.centred(500.0, 640, 480)
@@ -90,3 +92,28 @@ def test_weights_of_something_else_are_refused(tmp_path):
     (tmp_path / "mine.safetensors").write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"mine\.safetensors: missing, damaged"):
         PersonFinder(CAMERA, FinderConfig(str(tmp_path / "mine.safetensors")))
+
+
+def logit_of(together, alone):
+    """What a network says of a person so that both together are as certain, where the finder alone is `alone`."""
+    constant, of_finder, of_network = TOGETHER
+    return (np.log(together / (1 - together)) - constant - of_finder * np.log(alone / (1 - alone))) / of_network
+
+
+def test_a_new_person_needs_more_certainty_than_one_who_is_followed_and_was_certain_just_now(knowing):
+    (first,) = knowing.extract(scene())
+
+    def found(finder, together, time_s):
+        finder.looker = lambda humans: [look(logit_of(together, first.certainty))] * len(humans)
+        return [round(human.certainty, 3) for human in finder.extract(scene(), time_s)]
+
+    fresh = PersonFinder(CAMERA, FinderConfig("known"))
+    assert found(fresh, 0.85, 10.0) == [] and found(fresh, 0.95, 10.1) == [0.95]
+    assert found(fresh, 0.25, 10.2) == [0.25] and found(fresh, 0.15, 10.3) == []
+    assert found(fresh, 0.25, 10.4) == [0.25] and found(fresh, 0.25, 15.0) == []
+    assert found(PersonFinder(CAMERA, FinderConfig("known", 0.8)), 0.85, 10.0) == [0.85]
+
+
+def test_the_cells_of_a_person_have_the_surface_that_the_camera_sees():
+    cells = cells_of(run_by_torch(Knowing()), reduced(scene(), CAMERA))
+    assert cells.area_m2[cells.probability > 0.5].sum() == pytest.approx(80 * 300 * (2 / 500) ** 2, rel=0.02)

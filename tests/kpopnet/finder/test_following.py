@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kpopnet.finder.following import DOUBTED_S, FORGOTTEN_S, UNKNOWN, Followed
+from kpopnet.finder.following import DOUBTED_S, FORGOTTEN_S, MOST_MISSING, UNKNOWN, Followed
 
 
 def seen(followed, time_s, *places_m, doubtful=()):
@@ -121,3 +121,69 @@ def test_nobody_is_found_again_farther_away_than_people_get():
     near, far = (walk([(0, 0, 3)] * 10 + [None] * (away + 5), [None] * (10 + away) + [(x, 0, 3)] * 5) for x in (3.0, 4.0))
     assert near[-1][1] == near[0][0]
     assert far[-1][1] != far[0][0]
+
+
+def after_a_second(x_m, path, doubtful_from=None):
+    """Who is found, with little certainty, a second after a path, of which the images from a number on are doubtful."""
+    followed, fps = Followed(), 30
+    for number, place in enumerate(path):
+        doubtful = [0] if doubtful_from is not None and number >= doubtful_from else []
+        seen(followed, number / fps, place, doubtful=doubtful)
+    return seen(followed, (len(path) - 1) / fps + 1, (x_m, 0, 3), doubtful=[0])
+
+
+def test_who_vanishes_while_walking_is_expected_to_walk_on_for_a_moment_only():
+    walked = line((-3, 0, 3), (0, 0, 3), 60)
+    assert after_a_second(1.7, walked) == after_a_second(-1.2, walked) == [0]
+    assert after_a_second(1.85, walked) == after_a_second(-1.35, walked) == [UNKNOWN]
+
+
+def test_the_sliding_centre_of_who_is_nearly_hidden_is_no_walk():
+    slid = [(0, 0, 3)] * 10 + line((0, 0, 3), (0.5, 0, 3), 16)
+    assert after_a_second(0.5 - 1.45, slid, doubtful_from=10) == [0]
+
+
+def test_who_comes_out_of_hiding_elsewhere_is_not_taken_to_run():
+    followed = Followed()
+    assert seen(followed, 0.0, (0, 0, 3)) == [0]
+    for time_s in (0.1, 0.2):
+        seen(followed, time_s)
+    assert seen(followed, 0.3, (0.6, 0, 3)) == [0]
+    assert seen(followed, 1.3, (0.6 - 1.45, 0, 3), doubtful=[0]) == [0]
+
+
+def test_one_step_between_slow_images_tells_the_speed():
+    followed = Followed()
+    assert [seen(followed, time_s, (x_m, 0, 3)) for time_s, x_m in ((0.0, 0.0), (0.2, 0.8))] == [[0], [0]]
+    assert seen(followed, 1.2, (0.8 + 1.5 + 0.55, 0, 3), doubtful=[0]) == [0]
+
+
+def test_of_two_who_left_the_first_comes_back_first():
+    followed = Followed()
+    assert seen(followed, 0.0, (-1, 0, 3), (1, 0, 3)) == [0, 1]
+    assert seen(followed, 0.5, (-1, 0, 3)) == [0]
+    seen(followed, 1.0)
+    assert seen(followed, 3.0, (0, 0, 6)) == [1]
+
+
+def test_who_left_before_many_others_is_forgotten():
+    followed = Followed()
+    for number in range(MOST_MISSING + 2):
+        assert seen(followed, number / 10, (100 * number, 0, 3)) == [number]
+    assert seen(followed, number / 10 + 0.1, (200, 0, 3)) == [2]
+    assert seen(followed, number / 10 + 0.2, (0, 0, 3)) == [number + 1]
+
+
+def test_a_chair_is_not_followed_the_longer_because_a_clock_was_put_back():
+    followed, chair = Followed(), (0, 0, 3)
+    seen(followed, 100.0, chair)
+    found = [seen(followed, number / 30, chair, doubtful=[0])[0] for number in range(90)]
+    assert found[0] == 0 and found[-1] == UNKNOWN
+
+
+def test_of_two_who_sat_for_long_the_one_who_moves_is_who_sat_there():
+    followed, both = Followed(), ((0, 0, 3), (1, 0, 3))
+    for number in range(45):
+        assert seen(followed, number / 30, *both, doubtful=[0, 1] if number else []) == [0, 1]
+    assert seen(followed, 1.5, both[0], doubtful=[0]) == [0]
+    assert seen(followed, 3.0, both[0]) == [0]

@@ -185,3 +185,21 @@ def test_vmc_holds_a_limb_that_is_hidden_and_keeps_ports(heard):
         assert heard_bones(heard[0].recv(65536))
     with open_stream("vmc", 65535) as stream:
         stream(Seen(0, 0.0, 10.0, [person(1), person(2)]))  # the second has no port
+
+
+def test_vmc_keeps_the_place_of_who_stays_in_view_for_long(heard):
+    with open_stream("vmc", port_of(heard)) as stream:
+        for number, x_m in enumerate((0.0, 0.25, 0.5)):
+            stream(Seen(number, 4.0 * number, 10.0, [person(1, x_m=x_m)]))
+    hips = [heard_bones(heard[0].recv(65536))["Hips"] for _ in range(3)]
+    np.testing.assert_allclose([x for x, *_ in hips], [0, -0.25, -0.5], atol=1e-5)
+
+
+def test_vmc_hips_are_as_high_as_above_the_foot_that_stands(heard):
+    lifted = person(1)
+    lifted.joints_camera_m[[Joint.RIGHT_KNEE, Joint.RIGHT_FOOT]] -= np.float32([0, 0.3, 0])
+    with open_stream("vmc", port_of(heard)) as stream:
+        for number, one in enumerate((person(1), lifted)):
+            stream(Seen(number, 0.1 * number, 10.0, [one]))
+    first, second = (heard_bones(heard[0].recv(65536))["Hips"][1] for _ in range(2))
+    assert second == pytest.approx(first, abs=1e-5)

@@ -5,8 +5,21 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from kpopnet.networks.over_time import ANOTHER_AFTER_S, BASES, FEATURES, KINDS, Averages, Live, Measured, OverTime, read
-from kpopnet.skeleton import MIRROR
+from kpopnet.networks.over_time import (
+    ANOTHER_AFTER_S,
+    BASES,
+    EXTRAPOLATED,
+    FEATURES,
+    FORGET_S,
+    KINDS,
+    TIME_CONSTANTS_S,
+    Averages,
+    Live,
+    Measured,
+    OverTime,
+    read,
+)
+from kpopnet.skeleton import MIRROR, Joint
 
 POSE_M = np.random.default_rng(1).uniform(-0.5, 0.5, (15, 3)) + np.array([0, 0, 3])
 
@@ -114,3 +127,30 @@ def test_after_a_long_absence_the_lengths_are_those_of_another_person():
         times_s = np.concatenate([np.arange(30) / 30, first_s + np.arange(30) / 30])
         whole = read(both, times_s, future=True)
         assert np.allclose(whole[1][30:], read(Measured(*(a[:30] for a in one)), times_s[30:], future=True)[1]) is is_forgotten
+
+
+def same(joints_m):
+    """What single frames say that are all of one opinion."""
+    return Measured(joints_m, joints_m, np.full(15, 0.9), np.full(15, 0.9))
+
+
+def test_averages_lag_behind_a_steady_movement_and_those_that_are_extrapolated_do_not():
+    averages, speed_m_s = Averages(), np.zeros((15, 3))
+    speed_m_s[Joint.LEFT_HAND, 0] = 0.3
+    for number in range(300):
+        _, differences_m, _ = averages.add(same(POSE_M + speed_m_s * number / 30), 1 / 30)
+    behind_m = -differences_m[:, Joint.LEFT_HAND, 0]
+    count = len(TIME_CONSTANTS_S)
+    np.testing.assert_allclose(behind_m[:count], 0.3 / 30 / np.expm1(1 / 30 / TIME_CONSTANTS_S), rtol=1e-3)
+    np.testing.assert_allclose(behind_m[count : count + EXTRAPOLATED], 0, atol=1e-4)
+
+
+def test_after_a_gap_places_start_again_and_the_lengths_of_the_same_person_are_kept():
+    for gap_s in (FORGET_S + 0.1, ANOTHER_AFTER_S - 1):
+        averages = Averages()
+        for _ in range(30):
+            averages.add(same(0.65 * POSE_M), 1 / 30)
+        _, differences_m, _ = averages.add(same(POSE_M), gap_s)
+        np.testing.assert_allclose(differences_m[: BASES - 2], 0, atol=1e-12)
+        to_hand_m, shorter_m = POSE_M[Joint.LEFT_HAND] - POSE_M[Joint.LEFT_ELBOW], differences_m[BASES - 2, Joint.LEFT_HAND]
+        np.testing.assert_allclose(to_hand_m + shorter_m, 0.665 * to_hand_m, rtol=0.01)

@@ -18,7 +18,7 @@ from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
-from kpopnet.pose.person import DetectedPerson, PersonEstimator
+from kpopnet.pose.person import DetectedPerson, PersonEstimator, detected
 from kpopnet.skeleton import MIRROR
 from kpopnet.sources import open_depth
 from kpopnet.sources.source import TimedDepth
@@ -215,6 +215,21 @@ class Jittery(Blob):
         found = super().estimate(depth_m, camera)
         error_m = 0.02 * np.random.default_rng(len(self.asked)).standard_normal(found.joints_camera_m.shape)
         return found._replace(joints_camera_m=found.joints_camera_m + error_m.astype(np.float32))
+
+
+def test_the_confidences_of_an_image_and_its_mirror_image_are_averaged_side_by_side():
+    sure = np.linspace(0.1, 0.8, 15, dtype=np.float32)
+    sided = SimpleNamespace(estimate=lambda depth_m, camera: Estimate(POSE_M[None], sure[None]))
+    (seen,) = detected(sided, "best", [(person(20), CAMERA)])
+    np.testing.assert_allclose(seen.confidence, (sure + sure[MIRROR]) / 2)
+
+
+def test_a_mirror_image_is_looked_at_with_the_camera_in_a_mirror():
+    camera = CAMERA.cropped(-15, 0, CAMERA.width, CAMERA.height)
+    (seen,) = detected(Blob(), "best", [(person(20), camera)])
+    centre_m = camera.points(person(20))[person(20) > 0].mean(axis=0)
+    expected_m = centre_m + (POSE_M + POSE_M[MIRROR] * np.float32([-1, 1, 1])) / 2
+    np.testing.assert_allclose(seen.joints_camera_m, expected_m, atol=1e-5)
 
 
 def test_the_frames_before_steady_a_person_at_rest_and_those_after_more_so():

@@ -1,8 +1,11 @@
 """Confidence of fitted joints: a score of the fit, and a probability from it."""
 
 import numpy as np
+import pytest
 from cone_people import cone_joints, seen
 
+from kpopnet.geometry.body import PARTS, ROW_TO_JOINT
+from kpopnet.geometry.cones import body_segments, extend_joints, nearest_parts
 from kpopnet.skeleton import Joint
 from kpopnet.tracker import confidence
 from kpopnet.tracker.confidence import fit_score, probability, refined_evidence, tracked_evidence
@@ -34,3 +37,17 @@ def test_better_evidence_gives_more_confidence() -> None:
     given = (high, high, still), (low, high, still), (high, low, still), (high, high, moved)
     best, *worse = (probability(refined_evidence(*one), confidence.REFINED_WEIGHTS)[0] for one in given)
     assert all(one < best for one in worse)
+    assert (refined_evidence(high, high, moved)[:, 3] == 10).all()  # centimetres
+
+
+def test_each_point_counts_for_the_joint_at_the_nearer_end_of_its_part() -> None:
+    joints = cone_joints(20)
+    body, grid = seen(joints)
+    part, off_m, _ = nearest_parts(body_segments(joints, body), grid.points_m, 1)
+    ends = extend_joints(joints, body.trunk_offsets_m)[PARTS[part]]
+    nearer = np.linalg.norm(ends - grid.points_m[:, None], axis=-1).argmin(axis=1)
+    joint_of = ROW_TO_JOINT[PARTS[part, nearer]]
+    for joint in Joint:
+        own_m = np.abs(off_m[joint_of == joint])
+        expected = min(len(own_m) / 4, 1) / (1 + (own_m.mean() / 0.06) ** 2)
+        assert fit_score(joints, grid, body)[joint] == pytest.approx(expected, abs=2e-3), joint

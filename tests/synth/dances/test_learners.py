@@ -8,13 +8,14 @@ import pytest
 from kpopnet.camera import CAMERAS
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
+from kpopnet.rotations import about, conjugate, multiply
 from synth.body.shape import BodyConfig, draw_person
 from synth.dances.faults import ENDS, FAULTS, LAG_S, end_motion, habit, lag, with_faults
 from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig
-from synth.dances.skill import LEVELS, SkillConfig, Strengths, draw_strengths, learn
+from synth.dances.skill import LEVELS, SHARES, SkillConfig, Strengths, draw_strengths, learn
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor, mirrored
-from synth.motion.splice import cut
+from synth.motion.splice import cut, heading
 from synth.simulated.film import Studio
 
 FPS = 30.0
@@ -70,18 +71,22 @@ def test_who_dances_late_leaves_the_floor_late_and_the_size_of_a_skeleton_change
     assert hips_m[0][2, 2] - hips_m[0][1, 2] > 0.08
 
 
-def test_the_delay_varies_with_the_given_deviation_and_time_never_runs_backwards(teacher):
-    # The hips move uniformly, so their position encodes the time.
-    frames = 1200
+def clock(teacher: Motion, frames: int) -> Motion:
+    """A motion whose hips move uniformly, so that their position encodes the time."""
     root_m = np.zeros((frames, 3))
     root_m[:, 0] = np.arange(frames) / FPS
-    clock = Motion(np.tile(teacher.quats[:1], (frames, 1, 1)), root_m.astype(np.float32), FPS, "clock", teacher.leg_m)
+    return Motion(np.tile(teacher.quats[:1], (frames, 1, 1)), root_m.astype(np.float32), FPS, "clock", teacher.leg_m)
+
+
+@pytest.mark.parametrize(("deviation_s", "seeds", "near"), [(0.15, 6, 0.35), (0.05, 24, 0.1)])
+def test_the_delay_varies_with_the_given_deviation_and_time_never_runs_backwards(teacher, deviation_s, seeds, near):
+    frames = 1200 if seeds < 10 else 450
     delays = []
-    for seed in range(6):
-        when = learnt(clock, seed, unevenness_s=0.15).root_m[:, 0]
+    for seed in range(seeds):
+        when = learnt(clock(teacher, frames), seed, unevenness_s=deviation_s).root_m[:, 0]
         assert (np.diff(when) >= -1e-5).all()
         delays.append((np.arange(frames) / FPS - when)[60:-60])
-    assert np.std(np.concatenate(delays)) == pytest.approx(0.15, rel=0.35)
+    assert np.std(np.concatenate(delays)) == pytest.approx(deviation_s, rel=near)
 
 
 def test_the_distance_grows_with_the_strength_of_every_error(teacher):
@@ -108,6 +113,45 @@ def test_each_mistake_shows_the_motion_of_its_kind(teacher, seed):
         assert np.abs((learner.quats[middle, arms] * shown[arms]).sum(axis=-1)).min() > 0.99, mistake
     # Outside the mistakes the learner equals the teacher.
     np.testing.assert_allclose(points_m(learner)[~wrong], points_m(teacher)[~wrong], atol=1e-3)
+
+
+def test_the_noise_of_a_joint_has_its_share_of_the_given_deviation(teacher):
+    vectors = []
+    for seed in range(12):
+        learner = learnt(teacher, seed, noise_deg=9.0)
+        turned = multiply(conjugate(teacher.quats.astype(float)), learner.quats.astype(float))
+        turned *= np.where(turned[..., :1] < 0, -1, 1)
+        vectors.append(np.degrees(2 * turned[..., 1:]))  # of small angles
+    sizes_deg = np.sqrt(np.square(vectors).sum(axis=-1).mean(axis=(0, 1)))
+    np.testing.assert_allclose(sizes_deg, 9 * SHARES, rtol=0.25, atol=0.1)
+    assert (sizes_deg / 9)[SHARES > 0].mean() == pytest.approx(SHARES[SHARES > 0].mean(), rel=0.05)
+    drifts_deg = np.sqrt(np.square(np.std(vectors, axis=1)).sum(axis=-1).mean(axis=0))
+    assert drifts_deg.sum() == pytest.approx(0.8 * 9 * SHARES.sum(), rel=0.1)
+
+
+def test_who_makes_smaller_movements_takes_smaller_steps(teacher):
+    for damping, kept in ((0.3, 0.7), (0.9, 0.2)):
+        steps_m = learnt(teacher, damping=damping).root_m - teacher.root_m[0]
+        np.testing.assert_allclose(steps_m[:, [0, 2]], kept * (teacher.root_m - teacher.root_m[0])[:, [0, 2]], atol=1e-5)
+
+
+def test_severities_are_around_one():
+    config = SkillConfig(spacing=0.4)
+    assert np.prod([config.severity(level) for level in range(len(LEVELS))]) == pytest.approx(1)
+
+
+def test_a_wrong_move_is_made_in_the_right_direction(teacher):
+    quats = teacher.quats.astype(float)
+    quats[:, 0] = multiply(about(1, np.array(1.0)), quats[:, 0])
+    turned, kinds = replace(teacher, quats=quats.astype(np.float32)), set()
+    for seed in range(4):
+        learner, mistakes = learn(turned, replace(NONE, mistakes_per_minute=22), np.random.default_rng(seed))
+        for mistake in mistakes:
+            middle = int((mistake.start_s + mistake.seconds / 2) * FPS)
+            facing, rightly = (heading(one.quats[middle, 0]) for one in (learner, turned))
+            assert abs(facing @ rightly) > 0.999, mistake
+            kinds.add(mistake.kind)
+    assert kinds == {"forgotten", "swapped", "mirrored"}
 
 
 def test_levels_differ_in_the_mean_and_overlap_in_each_error():

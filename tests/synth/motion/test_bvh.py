@@ -38,6 +38,12 @@ def test_a_dance_survives_the_round_trip_in_any_channel_order_and_unit_above_any
     assert read.name == "bvh:dance"
 
 
+def test_who_is_in_the_air_most_of_the_time_comes_down_on_the_floor(tmp_path):
+    leaps_m = np.where(np.arange(len(DANCE)) % 5 == 0, 0.0, 0.4)[:, None] * np.float32([0, 1, 0])
+    leaping = replace(DANCE, root_m=(DANCE.root_m + leaps_m).astype(np.float32))
+    assert_same_motion(bvh_motion(write_bvh(tmp_path / "leaping.bvh", leaping)), leaping)
+
+
 def test_the_joints_of_a_recorded_skeleton_with_z_up_are_those_of_its_kinematics(tmp_path):
     rest = {f"Left{part}": Rotation.from_euler("Z", -50, degrees=True) for part in ("Arm", "ForeArm", "Hand")}
     z_up = Rotation.from_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]])

@@ -1,5 +1,7 @@
 """Resampling, easing and joining motions, and the motions of the simulated benchmarks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,7 @@ from kpopnet.rotations import about, multiply
 from synth.motion.choreography.composer import dance
 from synth.motion.choreography.programmes import FEATURES, show
 from synth.motion.skeleton import LEG_M, Motion, forward_kinematics, height_above_floor
-from synth.motion.splice import cut, eased, follow, heading, resampled
+from synth.motion.splice import cut, eased, follow, heading, planted, resampled
 
 FPS = 30.0
 
@@ -80,3 +82,15 @@ def test_a_show_is_long_enough_with_plausible_speeds(kind):
     assert len(motion) >= 9.0 * FPS
     assert speeds(motion).max() < 16.0  # finger tips and toes
     assert height_above_floor(motion.quats, motion.root_m).min() > -0.02
+
+
+def test_the_steps_of_a_motion_of_longer_legs_are_shortened():
+    first, second = turning(2.0, FPS), turning(4.0, FPS)
+    taller = replace(second, root_m=1.5 * second.root_m, leg_m=1.5 * second.leg_m)
+    np.testing.assert_allclose(follow(first, taller).root_m, follow(first, second).root_m, atol=1e-5)
+
+
+def test_who_dances_backwards_retraces_the_steps():
+    quats = dance(3, 71, 4.0).quats.astype(np.float64)
+    forwards, backwards = (planted(one, FPS, "", LEG_M).root_m for one in (quats, quats[::-1]))
+    np.testing.assert_allclose(backwards - backwards[-1], (forwards - forwards[0])[::-1], atol=1e-5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from depth_sensors import CAMERA, measure, only, wall
 
-from kpopnet.camera import CAMERAS
+from kpopnet.camera import CAMERAS, Camera
 from synth.sensor.film_noise import HOLE_FRAMES, FilmNoise
 from synth.sensor.model import SENSORS, measure_labelled
 
@@ -95,3 +95,13 @@ def test_holes_last_for_their_frames_and_are_as_many_as_in_pictures():
     assert lost.mean() == pytest.approx(np.mean(pictures), rel=0.2)
     for later, share in ((1, 1 - 1 / HOLE_FRAMES), (HOLE_FRAMES, 0.0)):
         assert (lost[later:] & lost[:-later]).sum() / lost[later:].sum() == pytest.approx(share, abs=0.1)
+
+
+def test_the_end_of_a_limb_is_lost_as_often_in_a_film_as_in_pictures():
+    config, camera, end = only(limb_end_dropout=0.3), Camera.centred(100.0, 80, 60), np.array([[0.0, 0.0, 2.0]])
+    depth, labels = wall(2.0, camera), np.ones((60, 80), np.uint8)
+    lost = []
+    for number in range(600):
+        rng, frame = NOISE.frame(number)
+        lost.append((measure_labelled(depth, labels, camera, config, rng, end, frame)[0] == 0).any())
+    assert np.mean(lost) == pytest.approx(0.3, abs=0.06)

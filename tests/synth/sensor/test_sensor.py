@@ -151,3 +151,16 @@ def test_a_named_sensor_has_its_published_terms_but_for_those_that_are_given():
     given = resolved(SensorConfig("swissranger", pixel_dropout=0.1))
     assert given == dataclasses.replace(resolved(SENSORS["swissranger"]), pixel_dropout=0.1)
     assert (given.axial_radial, given.ellipses_per_megapixel, given.lateral_px) == (0.0292, 80.0, 0.0)
+
+
+def test_what_a_hole_erases_has_no_label():
+    config, labels = only(ellipses_per_megapixel=60.0), np.ones((CAMERA.height, CAMERA.width), np.uint8)
+    measured, seen = measure_labelled(wall(2.5), labels, CAMERA, config, np.random.default_rng(0))
+    assert (measured == 0).any() and np.array_equal(seen > 0, measured > 0)
+
+
+def test_one_factor_on_all_depths_of_an_image_has_the_given_deviation():
+    small = Camera.centred(100, 8, 6)
+    images = np.array([measure(wall(2.0, small), only(gain=0.01), seed, small) for seed in range(300)])
+    assert np.ptp(images, axis=(1, 2)).max() == 0
+    assert images[:, 0, 0].mean() == pytest.approx(2, abs=0.005) and images[:, 0, 0].std() == pytest.approx(0.02, rel=0.15)

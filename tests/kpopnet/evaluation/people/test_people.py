@@ -191,3 +191,39 @@ def test_images_of_any_number_of_people_before_any_camera_are_reported(tmp_path:
     assert figures_of["single image"]["seen"] == 4 and figures_of["single image"]["people_recall"] == 0
     assert figures_of["empty room"]["empty_images"] == 1 and figures_of["empty room"]["people_recall"] is None
     assert (tmp_path / "out" / "worst.png").exists() and not (tmp_path / "out" / "worst.html").exists()
+
+
+def test_another_identity_while_too_little_of_a_person_shows_is_no_switch(truth_m: np.ndarray) -> None:
+    seen_px = np.full((FRAMES, 2), 100)
+    seen_px[3:6, 0] = 49
+    found = matched(truth_m, truth_m, seen_px)
+    identity = found.identity.copy()
+    identity[4, 0] = 9
+    assert not replace(found, identity=identity).switches().any()
+    identity[5:, 0] = 9
+    assert np.argwhere(replace(found, identity=identity).switches()).tolist() == [[6, 0]]
+
+
+def test_who_is_half_hidden_excuses_an_estimate_half_a_metre_around(truth_m: np.ndarray) -> None:
+    seen_px = np.tile((49, 100), (FRAMES, 1))
+    for offset_m, false in ((0.45, 0), (0.55, 1)):
+        estimates_m = truth_m.copy()
+        estimates_m[:, 0] += np.float32((0, 0, offset_m))
+        assert (matched(truth_m, estimates_m, seen_px).false == false).all()
+
+
+def test_an_estimate_beside_one_person_alone_is_not_two_as_one(truth_m: np.ndarray) -> None:
+    estimates_m = truth_m.copy()
+    estimates_m[:, 0] += np.float32((0, 0, 0.4))
+    assert causes(truth_m[0], matched(truth_m, estimates_m), 0) == {"not found": 1, "false person": 1}
+
+
+def test_who_is_behind_the_camera_is_not_judged(truth_m: np.ndarray) -> None:
+    found = matched(truth_m * np.float32([1, 1, -1]), np.empty((FRAMES, 0, 15, 3)))
+    assert not found.seen.any() and not found.hidden.any()
+
+
+def test_an_estimate_of_no_person_is_fifteen_wrong_joints(truth_m: np.ndarray) -> None:
+    estimates_m = np.concatenate([truth_m, truth_m[:, :1] + np.float32((0, 0, 2))], axis=1)
+    estimates_m[:, 1, 3:5] += np.float32((0, 0, 0.2))
+    assert (wrong_joints(matched(truth_m, estimates_m)) == 2 + 15).all()

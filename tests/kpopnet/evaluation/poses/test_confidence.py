@@ -33,3 +33,10 @@ def test_the_area_lies_between_the_best_order_and_its_reverse() -> None:
     assert areas["best"] < areas["honest"] < areas["none"] < areas["worst"]
     assert [areas["none"], honestly["error_cm"]["100%"]] == pytest.approx([100 * error_m.mean()] * 2)
     assert honestly["error_cm"]["25%"] < honestly["error_cm"]["75%"]
+
+
+def test_the_error_of_a_share_is_the_mean_of_the_joints_that_are_surest() -> None:
+    error_m = np.arange(60).reshape(4, 15) / 1000
+    assert found(error_m, 1 - error_m)["error_cm"] == pytest.approx(
+        {f"{share}%": (60 * share / 100 - 1) / 20 for share in (25, 50, 75, 90, 100)}
+    )

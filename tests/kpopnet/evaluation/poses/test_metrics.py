@@ -15,6 +15,7 @@ from kpopnet.evaluation.poses.metrics import (
     mean_error_m,
     moving_joints,
     without_offsets,
+    yaw_octants,
 )
 from kpopnet.skeleton import Joint
 
@@ -194,3 +195,38 @@ def test_metrics_of_published_predictions_equal_the_published_values():
     assert result["mean_error_cm"] == pytest.approx(5.85, abs=0.005)
     hands, neck = (100 * result["per_group"][group]["map_10cm"] for group in ("hands", "neck"))
     assert (hands, neck) == pytest.approx((68.35, 99.20), abs=0.005)
+
+
+def test_an_interval_is_around_its_own_figure():
+    """The neck is always wrong, hidden joints far off, and those that move right half as often."""
+    rng, frames = np.random.default_rng(3), 200
+    truth = np.zeros((frames, 15, 3))
+    truth[:, [Joint.LEFT_SHOULDER, Joint.RIGHT_SHOULDER], 1] = truth[:, [Joint.LEFT_HIP, Joint.RIGHT_HIP], 1] = 0.2
+    truth[:, [Joint.LEFT_SHOULDER, Joint.LEFT_HIP], 0] = 0.2
+    truth[:, [Joint.LEFT_SHOULDER, Joint.RIGHT_SHOULDER], 1] -= 0.5
+    truth[::3, Joint.LEFT_HAND] += 1.0
+    off_m = rng.choice([0.01, 0.15], size=(frames, 15), p=[0.9, 0.1])
+    off_m[:, Joint.NECK] = 0.15
+    off_m[::3, Joint.LEFT_HAND] = rng.choice([0.01, 0.15], size=len(off_m[::3]))
+    visible = rng.random((frames, 15)) < 0.7
+    off_m[~visible] += 0.3
+    results = pose_results(
+        truth, truth + off_m[..., None] * (1.0, 0, 0), visible=visible, unit=np.arange(frames), person=np.full(frames, "a")
+    )
+    found = evaluate(results)
+    assert found["moving_joints"] == len(truth[::3])
+    for name, (low, high) in found["interval"].items():
+        assert low < found[name] < high, name
+
+
+def test_a_distance_is_compared_where_the_reference_found_the_joint_too():
+    truth = np.zeros((4, 15, 3))
+    near, far = truth + np.array([0.02, 0, 0]), truth + np.array([0.03, 0, 0])
+    near[1, :5] = NAN
+    assert difference(pose_results(truth, far), pose_results(truth, near))["mean_error_cm"]["value"] == pytest.approx(1)
+
+
+def test_a_heading_belongs_to_the_sector_around_it():
+    headings = np.radians([0, 22, -22, 23, -23, 179, -179, NAN])
+    found = {name: np.flatnonzero(rows).tolist() for name, rows in yaw_octants(headings).items()}
+    assert {name: rows for name, rows in found.items() if rows} == {"0": [0, 1, 2], "45": [3], "-45": [4], "180": [5, 6]}
