@@ -210,9 +210,8 @@ class PartTeacher:
             return score
         seen, shown = learner.at(path[:, 0]), self.features.at(start - BAND_FRAMES + path.sum(axis=1))
         squared = steady_squared(segment_differences(seen, shown, noise.sees_depth))
-        missing = np.isnan(seen.angles_rad) & np.isfinite(shown.angles_rad)
-        whole = [1 - missing[:, part == _PARTS_OF].any(axis=1).mean() for part in range(len(PARTS))]
-        most = np.array(whole) * steady_similarity(squared, steady_by_noise(noise.steady, unsure), self.scorer.beta)
+        most = steady_similarity(squared, steady_by_noise(noise.steady, unsure), self.scorer.beta)
+        most *= shares_without_missing(seen.confidence, shown.angles_rad, _PARTS_OF)
         body = self._skill(most[taught].mean(keepdims=True))
         return score._replace(most=100 * float(body[0]), parts_most=100 * most)
 
@@ -229,6 +228,19 @@ def _least_of_parts(values, parts):
         for angle, part in enumerate(parts):
             least[frame, part] = min(least[frame, part], values[frame, angle])
     return least
+
+
+@njit(cache=True)
+def shares_without_missing(confidence, taught_rad, parts):
+    """(P,) share of L pairs in which the learner, of (L, D) confidence, misses no angle of a part that the teacher shows."""
+    pairs, missing = len(confidence), np.zeros(parts.max() + 1)
+    for pair in range(pairs):
+        lacking = np.zeros(len(missing))
+        for angle, part in enumerate(parts):
+            if confidence[pair, angle] == 0 and not math.isnan(taught_rad[pair, angle]):
+                lacking[part] = 1
+        missing += lacking
+    return 1 - missing / pairs
 
 
 @njit(cache=True)

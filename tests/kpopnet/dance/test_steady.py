@@ -11,6 +11,7 @@ from kpopnet.dance.features import dance_features
 from kpopnet.dance.noise.sight import segment_differences
 from kpopnet.dance.noise.steady import MOST_EXPECTED_RAD, SEGMENTS, steady_similarity, steady_squared
 from kpopnet.dance.noise.table import NOISE, steady_by_noise
+from kpopnet.dance.parts import shares_without_missing
 from kpopnet.dance.scoring import OURS, score_dance
 from kpopnet.dance.window import PARTS
 from kpopnet.skeleton import Joint
@@ -73,6 +74,14 @@ def test_errors_below_the_usual_ones_do_not_make_up_for_an_unseen_limb(generous)
     known, unknown = (score_dance(performed(JOINTS_M), learner, scorer) for scorer in (OURS, generous))
     assert unknown.similarity == pytest.approx(known.similarity, abs=0.1) and known.similarity < 80
     assert (unknown.windows.parts["left leg"] == 0).all() and unknown.parts["right leg"] == 100
+
+
+def test_a_part_misses_what_the_teacher_shows_and_the_learner_does_not():
+    rng, parts = np.random.default_rng(0), np.array([0, 0, 1, 1, 2])
+    confidence, taught_rad = rng.integers(0, 3, (40, 5)) / 2, np.where(rng.random((40, 5)) < 0.3, np.nan, 1.0)
+    missing = (confidence == 0) & np.isfinite(taught_rad)
+    expected = [1 - missing[:, parts == part].any(axis=1).mean() for part in range(3)]
+    np.testing.assert_allclose(shares_without_missing(confidence, taught_rad, parts), expected)
 
 
 def test_errors_below_the_usual_ones_do_not_excuse_lateness(generous):
