@@ -35,7 +35,7 @@ PLACES = {
 
 CHECKLIST = """
 {wheel} is ready. Left to do:
-[ ] read git diff, and the section {version} of CHANGELOG.md as somebody who has the version before
+[ ] read git diff, and the section {version} of CHANGELOG.md as a user of the version before
 [ ] the last column of kpopnet's row in docs/compare.md
 [ ] make test lint, in a fresh clone; make fuzz kill; make speed, for what README promises
 [ ] git commit -am "Release {version}"; git tag -s v{version}; git push --follow-tags

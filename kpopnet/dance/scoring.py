@@ -106,7 +106,7 @@ class DanceScore(NamedTuple):
     coverage: dict[str, float]  # name of `PARTS` to the fraction in 0..1 of what the teacher dances that the learner shows
     mirrored: bool  # whether the learner was compared as the teacher's mirror image
     mirror_fits_better: bool  # whether the learner fits the teacher's mirror image clearly better than the teacher
-    tempo: float  # the learner's tempo divided by the teacher's; NaN where unknown
+    tempo: float  # the learner's tempo divided by the teacher's; NaN where unknown, as mostly beyond 0.8 to 1.2
     # points, above or below the similarity, within which the score on true joints lies in 95 % of simulated dances, where the
     # noise of an estimator was set; 0 for true joints, NaN where it was not measured
     uncertainty: float

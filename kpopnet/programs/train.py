@@ -181,12 +181,14 @@ class TrainingFolder(OutputFolder):
 
 
 def as_started_from(config: NetworkTrainingConfig) -> NetworkTrainingConfig:
-    """With the model and ridge image of the checkpoint `training.start`, but for what the command line says otherwise."""
+    """With the model and ridge image of the checkpoint `training.start`, but for what the command line says otherwise.
+
+    Settings of a file (--config-dir) count where they are not the default.
+    """
     meta, given = read_meta(config.training.start), command_line_settings()
     model, ridge = (
         {name.removeprefix(f"{part}.") for name in given if name.startswith(f"{part}.")} for part in ("model", "ridge")
     )
-    # What a file of settings (--config-dir) says otherwise is not on the command line.
     model |= {name for name, value in asdict(ModelConfig()).items() if getattr(config.model, name) != value}
     ridge |= {name for name, value in asdict(RidgeConfig()).items() if getattr(config.ridge, name) != value}
     model |= {"kind"} if "model" in given else set()

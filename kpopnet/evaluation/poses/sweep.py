@@ -27,7 +27,7 @@ class Sweep:
     settings: dict[str, Any]  # of each additional estimator by its name; a combination that equals the configured one is none
 
     def table(self, metrics: dict[str, dict]) -> Table:
-        """Table 1: fraction of joints within 10 cm and frames per second at every combination."""
+        """Table 1: fraction of the paper's fourteen joints within 10 cm and frames per second at every combination."""
         (rows, row_values), (columns, column_values) = self.axes.items()
         table = Table([f"{rows} / {columns}", *(f"{value}: {what}" for value in column_values for what in ("mAP", "fps"))], [])
         for value, names in zip(row_values, self.names, strict=True):
