@@ -1,6 +1,6 @@
 // Who dances: names on this machine, a curve for each dance, what to practise this week, and one's data to take along or delete.
-import { isAhead, weekPlan } from "./practice.js";
-import { excerptOf, isPart, line, part, when } from "./result.js";
+import { isAhead, isPart, weekPlan } from "./practice.js";
+import { excerptOf, line, part, when } from "./result.js";
 import { ask, el, remember, remembered } from "./tools.js";
 import { say } from "./words.js";
 

@@ -1,13 +1,12 @@
 // What stands on the page of a dance: its controls, the pictures, and the words.
 import { LOOPS } from "./loops.js";
 import { stars } from "./menu.js";
-import { GOALS, practisable } from "./practice.js";
+import { GOALS, SPEEDS, practisable } from "./practice.js";
 import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
 import { WEBCAM, withoutDepth } from "./webcam.js";
 import { say } from "./words.js";
 
 export const MUSIC = [["tick", say("a metronome")], ...Object.keys(LOOPS).map((one) => [one, say(`a loop, ${one}`)]), ["song", say("my song")], ["none", say("nothing")]];
-const SPEEDS = [25, 40, 50, 60, 75, 90, 100];
 
 export function choice(id, options, value) {
   const select = el("select", { id }, ...options.map(([key, text]) => el("option", { value: key }, text)));

@@ -1,7 +1,7 @@
 // Practising one phrase: slowed down, faster each time that it reaches the goal, slower again where it fails by far.
 import { say } from "./words.js";
 
-export const STEPS = [75, 90, 100], GOALS = [60, 70, 80, 90], GOAL = 80;
+export const SPEEDS = [25, 40, 50, 60, 75, 90, 100], STEPS = [75, 90, 100], GOALS = [60, 70, 80, 90], GOAL = 80;
 const FAR = 25, LEAST_S = 2.5; // what the server scores at least
 
 export class Practice {
@@ -33,6 +33,15 @@ export class Practice {
 
 // Of the address of a dance: whom of a group one danced, and whether as in a mirror.
 export const asDanced = ({ dancer, mirrored }) => `dancer=${dancer || 0}${mirrored === false ? "&mirrored=0" : ""}`;
+
+// The same part of a dance once more, as fast as it was danced; one that followed a song was danced a little off the speeds to choose.
+export function againAddress(identity, found, { seconds, phrase_s, first_s }, danced) {
+  const nearest = SPEEDS.reduce((a, b) => (Math.abs(b - 100 * found.speed) < Math.abs(a - 100 * found.speed) ? b : a));
+  const part = isPart(found, seconds) ? `phrase=${phraseAt(found.from_s, { phrase_s, first_s })}&` : "";
+  return `#/dance/${identity}?${part}${found.speed ? `speed=${nearest}&` : ""}${danced}`;
+}
+
+export const isPart = ({ from_s, to_s }, seconds) => (to_s || seconds) - from_s < seconds;
 
 export const practiseAddress = (dance, phrase, more = "") => `#/dance/${dance}?phrase=${phrase}&practise=${GOAL}&go${more}`;
 

@@ -1,6 +1,6 @@
 // After a dance: the score, its course, the worst moments with a replay side by side, what to practise, history and files.
 import { View, loadBody, movementOf } from "./body.js";
-import { GOAL, asDanced, phraseAt, practisable, practiseAddress, worstPhrase } from "./practice.js";
+import { GOAL, againAddress, asDanced, isPart, phraseAt, practisable, practiseAddress, worstPhrase } from "./practice.js";
 import { OF_LEARNERS, PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars, swatch } from "./tools.js";
 import { say } from "./words.js";
 
@@ -19,14 +19,13 @@ export async function result(main, identity, name) {
   const filming = film(base, `${identity}-${name}.mp4`);
   const danced = `skill=${found.skill}&fault=${encodeURIComponent(found.fault)}&${asDanced(found)}`;
   const leave = showResult(main, { found, dance, body, movement }, (phrase) => practiseAddress(identity, phrase, `&${danced}`));
-  const same = isPart(found, dance.seconds) ? `phrase=${phraseAt(found.from_s, dance)}&${danced}` : danced;
   main.append(
     ...beside(found, identity),
     ...latency(found),
     el("h2", {}, say("Your tries")), historyTable(history, identity, name, dance.seconds),
     el("p", {}, say("Save as"), " ", ...["json", "csv", "bvh"].flatMap((kind) => [el("a", { href: `${base}.${kind}`, download: "" }, kind.toUpperCase()), " "]),
       ...filming.nodes),
-    el("p", {}, el("a", { id: "again", href: `#/dance/${identity}?${same}` }, say("Dance again"))),
+    el("p", {}, el("a", { id: "again", href: againAddress(identity, found, dance, danced) }, say("Dance again"))),
   );
   return () => {
     filming.stop();
@@ -256,7 +255,6 @@ function film(base, name) {
   }
 }
 
-export const isPart = ({ from_s, to_s }, seconds) => (to_s || seconds) - from_s < seconds;
 export const excerptOf = ({ from_s, to_s }, seconds) => `${clock(from_s)} – ${clock(to_s || seconds)}`;
 
 function historyTable(history, identity, name, seconds) {

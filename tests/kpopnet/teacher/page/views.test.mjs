@@ -6,7 +6,7 @@ import { allOf } from "./dom.mjs";
 const PAGE = "../../../../kpopnet/teacher/page/";
 const { controls, taught } = await import(`${PAGE}panels.js`);
 const { after } = await import(`${PAGE}hands.js`);
-const { asDanced, phraseAt } = await import(`${PAGE}practice.js`);
+const { againAddress, asDanced, phraseAt } = await import(`${PAGE}practice.js`);
 const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
 const { menu } = await import(`${PAGE}menu.js`);
 const { myself } = await import(`${PAGE}mine.js`);
@@ -46,6 +46,15 @@ test("who danced without the mirror dances again without it", () => {
   const checked = (query) => wanting({ phrase_s: 4, seconds: 8 }, query).mirrored.checked;
   assert.deepEqual(["", "mirrored=0", asDanced({ dancer: 1, mirrored: false }), asDanced({ mirrored: true })].map(checked), [true, false, false, true]);
   assert.equal(asDanced({ dancer: 2 }), "dancer=2");
+});
+
+test("a dance is danced again as it was: the same part, as fast, as in a mirror or not", () => {
+  const dance = { phrase_s: 4, seconds: 12, first_s: 0.5 }, whole = { from_s: 0, to_s: 0, speed: 0.75 };
+  assert.equal(againAddress("d", whole, dance, "mirrored=0"), "#/dance/d?speed=75&mirrored=0");
+  assert.equal(againAddress("d", { from_s: 4.5, to_s: 8.5, speed: 1 }, dance, "dancer=0"), "#/dance/d?phrase=1&speed=100&dancer=0");
+  assert.equal(againAddress("d", { ...whole, speed: 0.52 }, dance, ""), "#/dance/d?speed=50&"); // at half of a song's own tempo
+  const again = wanting(dance, againAddress("d", { from_s: 4.5, to_s: 8.5, speed: 0.6 }, dance, asDanced({ mirrored: false })).split("?")[1]);
+  assert.deepEqual([again.speed.value, again.phrase.value, again.mirrored.checked], ["60", "1", false]);
 });
 
 test("the header and the menu ask for the profile once, and again when it has changed", async () => {
