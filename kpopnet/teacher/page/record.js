@@ -58,7 +58,10 @@ export async function record(main) {
     start.click();
   };
   document.addEventListener("keydown", onKey);
-  globalThis.onbeforeunload = (event) => { if (state.running || !editor.hidden) event.preventDefault(); }; // or the dance would be lost
+  const unsaved = () => state.running || !editor.hidden; // a dance that would be lost
+  globalThis.onbeforeunload = (event) => { if (unsaved()) event.preventDefault(); };
+  const onLink = (event) => { if (unsaved() && event.target.closest("a[href^='#']") && !globalThis.confirm(say("Leave without saving your dance?"))) event.preventDefault(); };
+  document.addEventListener("click", onLink);
   const onDrag = (event) => {
     const [dropped] = event.dataTransfer.files;
     if (event.type === "drop" && dropped) {
@@ -75,6 +78,7 @@ export async function record(main) {
   return () => {
     state.closed = true;
     document.removeEventListener("keydown", onKey);
+    document.removeEventListener("click", onLink);
     globalThis.onbeforeunload = null;
     for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
     sound.close();

@@ -200,14 +200,16 @@ test("a webcam's pictures are asked about like a camera's images, and one that e
   assert.ok(frames.length > 10 && frames.at(-1).time_s >= 8);
 });
 
-test("a dance that is not saved yet is not lost by a reload without a question, one that was left is", async () => {
-  const asks = () => { let asked = false; globalThis.onbeforeunload({ preventDefault() { asked = true; } }); return asked; };
+test("a dance that is not saved yet is not lost by a reload or a link without a question, one that was left is", async () => {
+  const kept = (leave) => { let stays = false; leave({ preventDefault() { stays = true; }, target: createElement("a") }); return stays; };
+  const link = (answer) => { globalThis.confirm = () => answer; return kept(listeners.click); };
+  assert.ok(!link(false)); // nothing is lost yet
   await dance(12);
-  assert.ok(asks());
+  assert.ok(kept(globalThis.onbeforeunload) && link(false) && !link(true));
   part("start").listeners.click();
-  assert.ok(asks() && !part("editor").hidden);
+  assert.ok(kept(globalThis.onbeforeunload) && link(false) && !part("editor").hidden);
   part("editor").hidden = true;
-  assert.ok(!asks());
+  assert.ok(!kept(globalThis.onbeforeunload) && !link(false));
 });
 
 test("a lesson is saved once, and again if that failed", async () => {
