@@ -80,6 +80,10 @@ for (const [id, otherwise] of [["theme", "auto"], ["palette", "brightness"]]) {
   });
   apply();
 }
+document.querySelector(".skip").addEventListener("click", (event) => {
+  event.preventDefault(); // #main is no view
+  main.focus();
+});
 addEventListener("hashchange", show);
 myself().catch(() => {}); // whose name the header shows
 show();

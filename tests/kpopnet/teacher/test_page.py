@@ -97,6 +97,9 @@ def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korea
     browser.get(f"{address}#/dance/dance_001?phrase=0&speed=50&skill=perfect&fault=left+arm")
     browser.refresh()
     browser.find("#start")
+    before = browser.current_url
+    browser.execute_script("document.querySelector('.skip').click()")
+    assert browser.current_url == before and browser.switch_to.active_element.get_attribute("id") == "main"
     browser.execute_script(RECORDER)
     browser.find("#start").send_keys(Keys.ENTER)
     worst = browser.find("#worst button")
