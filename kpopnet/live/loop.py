@@ -18,7 +18,7 @@ import numpy as np
 from kpopnet.errors import InputError
 from kpopnet.live.keeping import DepthRecorder, JointKeeper
 from kpopnet.live.streams import ReaderGoneError, Seen, open_stream
-from kpopnet.runtime.endings import of_the_disk
+from kpopnet.runtime.endings import OF_TERMINAL, of_the_disk
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.sources.live import Image, NewestImage, PlayedRecording
 from kpopnet.sources.source import CameraAwayError, LiveCamera
@@ -227,7 +227,8 @@ class Watcher:
 def serve_watching(connection: Connection, watching: Watching) -> None:
     """Watches until the other end of the connection says so, or closes; it reports a source that ends or fails."""
     end_with_parent()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the server too, which asks to end: joints are saved then
+    for number in OF_TERMINAL:  # they reach the server too, which asks to end: joints are saved then
+        signal.signal(number, signal.SIG_IGN)
 
     def tell(kind: str, content: dict, attached: bytes | None = None) -> None:
         connection.send((0, kind, content, attached))

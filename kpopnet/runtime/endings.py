@@ -22,6 +22,9 @@ R = TypeVar("R")
 HYDRA, OMEGACONF = "hydra.errors.HydraException", "omegaconf.errors.OmegaConfBaseException"
 """What these libraries raise for a user's mistakes. By name: most programs import neither."""
 
+OF_TERMINAL = tuple(filter(None, (signal.SIGINT, getattr(signal, "SIGHUP", None))))
+"""The signals that every process of a terminal gets: Ctrl-C, and that the terminal was closed, which Windows lacks."""
+
 
 def begin_imports() -> None:
     """Lets Ctrl-C end this process at once with exit code 130 and one line.

@@ -22,7 +22,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from kpopnet.errors import InputError
 from kpopnet.languages import LANGUAGES, Said, keyed
-from kpopnet.runtime.endings import is_of_the_disk, of_the_disk
+from kpopnet.runtime.endings import OF_TERMINAL, is_of_the_disk, of_the_disk
 from kpopnet.teacher.safety import HEADERS, LOOPBACK_NAMES, Keys, add_headers, forward_to, guard, is_loopback
 
 PAGE = Path(__file__).parent / "page"
@@ -131,9 +131,10 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
     logger = logging.getLogger(__name__)
     logger.addFilter(_Once())
     loop.set_exception_handler(lambda _, told: logger.error(told["message"], exc_info=told.get("exception")))
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(NotImplementedError):  # not on every system; there Ctrl-C cancels this task
-            loop.add_signal_handler(number, lambda: task.cancelling() or task.cancel())
+    for number in (*OF_TERMINAL, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` has it
+            with contextlib.suppress(NotImplementedError):  # not on every system; there Ctrl-C cancels this task
+                loop.add_signal_handler(number, lambda: task.cancelling() or task.cancel())
     runner = web.AppRunner(app, access_log=None, logger=logger, keepalive_timeout=IDLE_S, shutdown_timeout=END_S / 5)
     folder = tempfile.mkdtemp(prefix="kpopnet-")  # which only this user can read
     try:

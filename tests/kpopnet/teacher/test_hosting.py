@@ -144,11 +144,20 @@ host(make, argparse.Namespace(host="127.0.0.1", port=0, no_browser=True), "look 
 """
 
 
-def test_it_ends_while_it_starts():
+@pytest.mark.parametrize("name", ["SIGINT", "SIGHUP"])  # Ctrl-C, a terminal that is closed
+def test_it_ends_while_it_starts(name):
     with running("-c", STARTING) as one:
         assert one.stdout.readline() == "opening\n"
-        one.send_signal(signal.SIGINT)
+        one.send_signal(getattr(signal, name))
         assert one.wait(30) == 0 and one.stderr.read() == "" and one.stdout.read() == "closed\n"
+
+
+def test_under_nohup_a_terminal_that_is_closed_does_not_end_it():
+    with running("-c", "import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN)" + STARTING) as one:
+        assert one.stdout.readline() == "opening\n"
+        one.send_signal(signal.SIGHUP)
+        with pytest.raises(subprocess.TimeoutExpired):
+            one.wait(1)
 
 
 LESSONS = """
