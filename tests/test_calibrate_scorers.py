@@ -41,6 +41,10 @@ def test_the_rule_takes_what_orders_most_and_separates_best_within_the_bounds():
     on = found["chosen on"]
     assert on == {key: found["checked on"][key] for key in on} and on["excess"] == 0 and on["pairs"] == 100
     assert found["settings"] == {"alpha": 0.2, "beta": 0.3, "tau": 0.4}  # sharper ones put a late copy outside LATE
+    tied = found["within them, with as many pairs"]
+    assert (
+        found["keep the bounds"] == f"{len(tied)} of 320" and [0.2, 0.3, 0.4] in tied
+    )  # all pairs are in order by any setting
     for delay_s, (least, most) in calibrate.LATE.items():
         assert least <= on["bounded"][f"a copy {delay_s} s late"] <= most
 
@@ -49,6 +53,16 @@ def test_a_scorer_that_cannot_keep_the_bounds_gets_the_settings_that_exceed_them
     learners = made_up([0.1, 0.2, 0.4, 0.8])
     found = calibrate.chosen({"skill": learners, "mixed": learners, "ends": made_up([0.0, 0.0, 2.0, 0.5])}, "paper")
     assert found["keep the bounds"].startswith("0 of") and 65 < found["chosen on"]["excess"] < 71
+
+
+def test_settings_that_tie_are_compared_on_the_same_dances():
+    teacher_m = dance_joints_m(0, 8.0)
+    learners_m = np.array([noisy(teacher_m, deviation_m) for deviation_m in (0.02, 0.05, 0.08, 0.2)])
+    made = [calibrate.Dance(teacher_m, one, "composed") for one in (learners_m, learners_m[::-1], learners_m[[0, 1, 3, 2]])]
+    ours = np.array([[4, 3, 2, 1]] * 3)
+    first, second = calibrate.with_settings(made, "paper", [[0.31, 0.4, 0.5], [0.2, 0.6, 0.4]], ours)
+    assert first == {"alpha": 0.31, "beta": 0.4, "tau": 0.5, "dances in order": 1, "p against dance22": 0.5}
+    assert (second["alpha"], second["beta"], second["tau"], second["dances in order"]) == (0.2, 0.6, 0.4, 1)
 
 
 def test_the_committed_choice_is_what_ships():

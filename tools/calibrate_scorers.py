@@ -2,7 +2,8 @@
 
     export PYTHONPATH=.
     python tools/calibrate_scorers.py choose outputs/scorers --result results/scorers_chosen.json
-    python tools/calibrate_scorers.py compare outputs/scorers --recordings PACK --result results/scorers_compared.json
+    python tools/calibrate_scorers.py compare outputs/scorers --recordings PACK --chosen results/scorers_chosen.json \
+        --result results/scorers_compared.json
 
 True joints of the dances of `kpop_sim`; nothing is rendered. A learner's body faces the camera from a place up to 15 degrees to
 either side, as in the set, before the set's views; no angle of a dance feature depends on more of the place.
@@ -13,7 +14,8 @@ mean copy of a teacher scores at least 96, a late copy what LATE says, and in 95
 another dance less than 30. Where nothing keeps the bounds, what exceeds them by the fewest points in all. Every second dance of
 the split train is chosen on; the others say what the choice is worth.
 
-`compare`: the scorers with the settings of `SCORERS` on dances of the split test, each of which should be looked at once.
+`compare`: the scorers with the settings of `SCORERS` on dances of the split test, each of which should be looked at once; on
+those of the first set also with all settings of --chosen, the report of `choose`, that keep the bounds with as many pairs.
 
 Dances and their scores are kept in the folder: a program that was stopped goes on where it was.
 """
@@ -214,9 +216,10 @@ def chosen(found: dict[str, np.ndarray], name: str) -> dict[str, Any]:
     report = {"settings": dict(zip(("alpha", "beta", "tau"), best, strict=True))}
     for half, of in zip(("chosen on", "checked on"), of_half, strict=True):
         report[half] = of[best]._asdict() | ({"settings before": of[before]._asdict()} if before in of else {})
-    kept = [one for one in of_half[0].values() if one.excess == 0]
+    kept = {at: one for at, one in of_half[0].items() if one.excess == 0}
     return report | {
         "keep the bounds": f"{len(kept)} of {len(of_half[0])}",
+        "within them, with as many pairs": [list(at) for at, one in kept.items() if one.pairs == of_half[0][best].pairs],
         "best on the other half": {"settings": other, "pairs": of_half[1][other].pairs},
     }
 
@@ -245,9 +248,9 @@ def _stacked(found: list[np.ndarray]) -> np.ndarray:
 # Comparing
 
 
-def compare(folder: Path, recordings: str | None) -> dict[str, Any]:
-    """The report of `compare`."""
-    report = {}
+def compare(folder: Path, recordings: str | None, tied: dict[str, list[list[float]]]) -> dict[str, Any]:
+    """The report of `compare`; `tied`: the settings of each scorer that do as well by the rule."""
+    report: dict[str, Any] = {}
     for key, of in HELD_BACK.items():
         if of.recorded and recordings is None:
             continue
@@ -255,9 +258,24 @@ def compare(folder: Path, recordings: str | None) -> dict[str, Any]:
         for name, scorer in SCORERS.items():
             runs = [compared(one, [scorer], list(one.learners_m))[0] for one in tqdm(made, f"{key}: {name}", unit="dance")]
             found[name] = np.array([[learner.so_far for learner in one] for one in runs])
+        if not report:
+            of_tied = {name: with_settings(made, name, settings, found["dance22"]) for name, settings in tied.items()}
         unit = [re.sub(r"_s[0-9]+$", "", one.motion) for one in made] if of.recorded else list(map(str, range(len(made))))
         report[key] = of._asdict() | agreement(found, unit) | ({"recordings": unit} if of.recorded else {})
-    return report
+    return report | {"settings that tie": of_tied}
+
+
+def with_settings(made: list[Dance], name: str, settings: list[list[float]], ours: np.ndarray) -> list[dict[str, Any]]:
+    """Dances in the right order by a scorer with each of some settings, and how that differs from our (D, 4) scores."""
+    scorers = [replace(SCORERS[name], alpha=alpha, beta=beta, tau=tau) for alpha, beta, tau in settings]
+    by_dance = [compared(one, scorers, list(one.learners_m)) for one in tqdm(made, f"{name}: settings that tie", unit="dance")]
+    found, right = [], np.array([is_ordered(one) for one in ours])
+    for number, (alpha, beta, tau) in enumerate(settings):
+        flags = np.array([is_ordered([learner.so_far for learner in one[number]]) for one in by_dance])
+        only_ours, only_other = int((right & ~flags).sum()), int((flags & ~right).sum())
+        about = {"alpha": alpha, "beta": beta, "tau": tau, "dances in order": int(flags.sum())}
+        found.append(about | {"p against dance22": mcnemar_p_value(only_ours, only_other)})
+    return found
 
 
 def agreement(found: dict[str, np.ndarray], unit: list[str]) -> dict[str, Any]:
@@ -302,13 +320,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("part", choices=("choose", "compare"), help="choose settings on training dances, or compare scorers")
     parser.add_argument("folder", type=Path, help="where dances and their scores are kept")
     parser.add_argument("--recordings", help="a motion pack for the recorded dances, which are left out without it")
+    parser.add_argument("--chosen", type=Path, help="the report of choose, of whose ties compare tells too")
     parser.add_argument("--result", type=Path, help="JSON file for the report, which is printed without it")
     options = parser.parse_args(arguments)
-    found = choose(options.folder) if options.part == "choose" else compare(options.folder, options.recordings)
+    tied = {}
+    if options.chosen is not None:
+        of_scorers = json.loads(options.chosen.read_text())["results"]
+        tied = {name: one["within them, with as many pairs"] for name, one in of_scorers.items() if name != "dance22"}
+    found = choose(options.folder) if options.part == "choose" else compare(options.folder, options.recordings, tied)
     seeds = {name: of.seed for name, of in (TRAINING if options.part == "choose" else HELD_BACK).items()}
     about = {
         "command": f"python tools/calibrate_scorers.py {options.part} outputs/scorers"
-        + (" --recordings PACK" if options.recordings else ""),
+        + (" --recordings PACK" if options.recordings else "")
+        + (" --chosen results/scorers_chosen.json" if options.chosen else ""),
         "code": git_revision(),
         "date": datetime.date.today().isoformat(),
         "seeds": seeds,
