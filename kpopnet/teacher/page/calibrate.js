@@ -26,7 +26,7 @@ export async function calibrate(main) {
     el("p", {}, say("Stand so that you are seen from head to feet. After {counts} ticks raise an arm so that it is highest at each tick, "
       + "and lower it in between, {beats} times. Or clap at each tick. What is measured is taken off whenever you dance here.",
     { counts: COUNTS, beats: BEATS })),
-    el("div", { class: "controls" }, start, el("label", {}, say("who dances"), source)),
+    el("div", { class: "controls" }, start, el("label", {}, say("camera"), source)),
     told, failed,
     el("div", { class: "panel seen calibrating" }, canvas, beat, guide), kept,
     el("p", {}, el("a", { href: "#/" }, say("To the dances"))),

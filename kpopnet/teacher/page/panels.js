@@ -93,7 +93,7 @@ export function panels(main, dance, parts, song) {
     el("h1", {}, el("bdi", {}, dance.name), el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${say("{count} bpm", { count: Math.round(dance.bpm) })} · ${clock(dance.seconds)}`)),
     el("div", { class: "controls" }, parts.start, el("label", {}, say("speed"), parts.speed), el("label", {}, say("dance"), parts.phrase),
       el("label", {}, say("practise"), parts.practise), el("label", {}, parts.loop, say("loop")), el("label", {}, parts.mirrored, say("as in a mirror")),
-      el("label", {}, say("music"), parts.music), el("label", {}, say("who dances"), parts.source), el("label", {}, say("learners"), parts.people),
+      el("label", {}, say("music"), parts.music), el("label", {}, say("camera"), parts.source), el("label", {}, say("learners"), parts.people),
       el("label", { hidden: !dance.others.length }, say("dancer"), parts.dancer), parts.full, shown.beginNow),
     song, withoutDepth(parts.source), shown.preparing, shown.error,
     shown.stage,

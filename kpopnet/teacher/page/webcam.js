@@ -8,9 +8,9 @@ const WITHOUT_DEPTH = "A webcam sees no depth: its scores are less sure. A depth
 
 const WIDTH = 640, HEIGHT = 480, KEPT = 8;
 const REFUSALS = {
-  NotAllowedError: "the browser may not use the webcam; allow it beside the address of this page, then press Start",
-  NotFoundError: "no webcam was found; plug one in, or choose another source",
-  NotReadableError: "the webcam is used by another program; close that one, then press Start",
+  NotAllowedError: "the browser may not use the webcam; allow it beside the address of this page, then try again",
+  NotFoundError: "no webcam was found; plug one in, or choose another camera",
+  NotReadableError: "the webcam is used by another program; close that one, then try again",
 };
 const DIGITS = 4;
 

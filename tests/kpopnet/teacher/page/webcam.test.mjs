@@ -21,8 +21,8 @@ test("a point outside the picture, or in the bars beside a wide one, is not visi
   assert.equal(pointsOf(at(0.5, 0.95), [0, 0.25])[0][5], 0);
 });
 
-test("a webcam that is refused or missing is told", async () => {
-  for (const [name, told] of [["NotAllowedError", /allow it beside the address/], ["NotFoundError", /no webcam was found/], ["Odd", /failed: odd/]]) {
+test("a webcam that is refused or missing is told, whatever the button of the view is called", async () => {
+  for (const [name, told] of [["NotAllowedError", /allow it beside the address.* try again$/], ["NotFoundError", /choose another camera$/], ["Odd", /failed: odd/]]) {
     const mediaDevices = { getUserMedia: () => Promise.reject(Object.assign(new Error("odd"), { name })) };
     Object.defineProperty(globalThis, "navigator", { value: { mediaDevices }, configurable: true });
     assert.match(await new Promise((failed) => { new Webcam(assert.fail, failed); }), told);
