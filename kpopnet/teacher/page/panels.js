@@ -19,7 +19,7 @@ export function controls(dance, offer, wanted) {
   for (let k = 0; practisable(k, dance); k++) phrases.push([k, say("phrase {number}, {time}", { number: k + 1, time: clock(k * dance.phrase_s) })]);
   const parts = {
     start: el("button", { class: "main", id: "start", type: "button" }, say("Start")),
-    speed: choice("speed", SPEEDS.map((one) => [one, `${one} %`]), wanted.get("speed") || remembered("speed", 100)),
+    speed: choice("speed", SPEEDS.map((one) => [one, say("{percent} %", { percent: one })]), wanted.get("speed") || remembered("speed", 100)),
     phrase: choice("phrase", phrases, wanted.get("phrase") ?? ""),
     practise: choice("practise", [["", say("off")], ...GOALS.map((one) => [one, say("until {goal}", { goal: one })])], wanted.get("practise") ?? ""),
     full: el("button", { type: "button", id: "full" }, say("Full screen")),

@@ -2,7 +2,7 @@
 import { View, loadBody, movementOf } from "./body.js";
 import { GOAL, againAddress, asDanced, isPart, phraseAt, practisable, practiseAddress, worstPhrase } from "./practice.js";
 import { OF_LEARNERS, PARTS, ask, clamp, clock, el, followed, heat, keepLatency, latencyOf, milliseconds, partBars, swatch } from "./tools.js";
-import { say } from "./words.js";
+import { dated, say } from "./words.js";
 
 const BEFORE_S = 1;
 const LATE_S = 0.3; // the least range of the delay's course
@@ -58,10 +58,10 @@ function formationOf(kept) {
 const listed = (figures) => Object.entries(figures).map(([name, value]) => `${say(name)} ${Math.round(value)}`).join(", ");
 
 // What the total consists of where the teacher chose it; place, height, lean and facing; what is left free. Tries of before lack some.
-function furtherOf({ weights = {}, counted = {}, stage = {}, on_stage = [], free = {} }) {
+export function furtherOf({ weights = {}, counted = {}, stage = {}, on_stage = [], free = {} }) {
   const quiet = (id, text) => el("p", { class: "quiet", id }, text);
   return [
-    Object.keys(weights).length ? quiet("contains", say("The total, by weight: {weights}.", { weights: Object.entries(weights).map(([name, share]) => say("{what} {figure}", { what: say(name), figure: name in counted ? `${Math.round(counted[name])} (× ${share})` : share })).join(", ") })) : "",
+    Object.keys(weights).length ? quiet("contains", say("The total, by weight: {weights}.", { weights: Object.entries(weights).map(([name, share]) => say("{what} {figure}", { what: say(name), figure: name in counted ? say("{figure} (× {share})", { figure: Math.round(counted[name]), share }) : share })).join(", ") })) : "",
     Object.keys(stage).length ? quiet("on-stage", say("On the stage, beside timing and posture: {figures}.", { figures: [listed(stage), ...on_stage.map((one) => say(one))].join("; ") })) : "",
     Object.keys(free).length ? quiet("in-free-parts", say("In the free parts: {figures}.", { figures: listed(free) })) : "",
   ];
@@ -260,8 +260,12 @@ export const excerptOf = ({ from_s, to_s }, seconds) => `${clock(from_s)} – ${
 function historyTable(history, identity, name, seconds) {
   return el("div", { class: "scroll" }, el("table", { id: "history" }, el("tbody", {}, ...history.map((one) => el("tr", {},
     el("td", {}, one.session === name ? say("this one") : el("a", { href: `#/dance/${identity}/try/${one.session}` }, when(one.session))),
-    el("td", {}, one.total === null ? "–" : String(Math.round(one.total))), el("td", {}, excerptOf(one, seconds)), el("td", {}, `${Math.round(100 * one.speed)} %`),
+    el("td", {}, one.total === null ? "–" : String(Math.round(one.total))), el("td", {}, excerptOf(one, seconds)), el("td", {}, say("{percent} %", { percent: Math.round(100 * one.speed) })),
     el("td", {}, one.source === "simulated" ? say("simulated, {skill}", { skill: say(`skill|${one.skill}`) }) : say(`source|${one.source}`)))))));
 }
 
-export const when = (name) => `${name.slice(0, 4)}-${name.slice(4, 6)}-${name.slice(6, 8)} ${name.slice(9, 11)}:${name.slice(11, 13)}`;
+// The day and time in the name of a try, such as 20261203-091100-123.
+export function when(name) {
+  const [year, month, ...rest] = [[0, 4], [4, 6], [6, 8], [9, 11], [11, 13]].map(([from, to]) => Number(name.slice(from, to)));
+  return dated(Date.UTC(year, month - 1, ...rest));
+}

@@ -5,7 +5,7 @@ import ko from "../../languages/ko.mjs";
 import { remember, remembered } from "./memory.js";
 
 export const LANGUAGES = { en: "English", ko: "한국어", de: "Deutsch" };
-const CATALOGUES = { en: {}, ko, de }, DECIMAL_COMMA = ["de"];
+const CATALOGUES = { en: {}, ko, de }, DECIMAL_COMMA = ["de"], DATES = { en: "en-GB", ko: "ko", de: "de" };
 const RIGHT_TO_LEFT = /[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]/;
 export const language = chosen();
 if (globalThis.document) document.documentElement.lang = language;
@@ -33,4 +33,9 @@ function shown(value) {
   const text = String(value);
   if (RIGHT_TO_LEFT.test(text)) return `\u2068${text}\u2069`; // or the numbers beside it would be drawn on its other side
   return DECIMAL_COMMA.includes(language) && /^[+-]?\d+\.\d+$/.test(text) ? text.replace(".", ",") : text;
+}
+
+// Day and time of what Date.UTC gave.
+export function dated(time_ms) {
+  return new Intl.DateTimeFormat(DATES[language], { dateStyle: "medium", timeStyle: "short", timeZone: "UTC" }).format(time_ms);
 }

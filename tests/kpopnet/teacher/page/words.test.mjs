@@ -1,11 +1,15 @@
 // What the page says in the language that was asked for.
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { allOf } from "./dom.mjs";
 
 const stored = {};
 globalThis.localStorage = { getItem: (name) => stored[name] ?? null, setItem: (name, value) => { stored[name] = value; } };
 globalThis.location = { search: "?lang=de" };
-const { language, say } = await import("../../../../kpopnet/teacher/page/words.js");
+const PAGE = "../../../../kpopnet/teacher/page/";
+const { language, say } = await import(`${PAGE}words.js`);
+const { furtherOf, when } = await import(`${PAGE}result.js`);
+const { controls } = await import(`${PAGE}panels.js`);
 
 test("the address chooses the language, which is remembered", () => {
   assert.equal(language, "de");
@@ -34,4 +38,13 @@ test("what the server sends is said whole, with decimal commas in numbers alone"
 
 test("a name that is written from right to left does not turn the numbers beside it", () => {
   assert.equal(say("Last: {name}, {total} of 100.", { name: "مرحبا 2", total: 97 }), "Zuletzt: \u2068مرحبا 2\u2069, 97 von 100.");
+});
+
+test("dates, weights and percentages are written as the language writes them", () => {
+  assert.equal(when("20261203-091100-123"), "03.12.2026, 09:11");
+  assert.equal(furtherOf({ weights: { similarity: 3, place: 0.5 }, counted: { similarity: 81.4, place: 60 } })[0].textContent,
+    "Die Gesamtwertung nach Gewicht: Übereinstimmung 81 (× 3), Position 60 (× 0,5).");
+  const offer = { sources: { simulated: "a simulated learner" }, skills: ["good"], faults: [""] };
+  const { speed } = controls({ others: [], phrase_s: 4, seconds: 8 }, offer, new URLSearchParams());
+  assert.equal(allOf(speed)[0].textContent, "25 %");
 });
