@@ -14,7 +14,7 @@ if (globalThis.document) document.documentElement.lang = language;
 function chosen() {
   const known = (one) => one in LANGUAGES, asked = new URLSearchParams(globalThis.location?.search).get("lang");
   if (known(asked)) remember("language", asked);
-  const wished = [globalThis.document?.documentElement.dataset.language, remembered("language", null), ...(globalThis.navigator?.languages || [])];
+  const wished = [globalThis.document?.documentElement.dataset.language, asked, remembered("language", null), ...(globalThis.navigator?.languages || [])];
   return wished.map((one) => String(one).slice(0, 2)).find(known) || "en";
 }
 

@@ -16,6 +16,14 @@ test("the address chooses the language, which is remembered", () => {
   assert.equal(stored["teach.language"], '"de"');
 });
 
+test("the address chooses the language also where the browser stores nothing", async () => {
+  const { localStorage } = globalThis;
+  globalThis.localStorage = null;
+  const { language: chosen } = await import(`${PAGE}words.js?nothing-stored`);
+  globalThis.localStorage = localStorage;
+  assert.equal(chosen, "de");
+});
+
 test("a text is said by its English words, with what fills its gaps", () => {
   assert.equal(say("Begin now"), "Jetzt beginnen");
   assert.equal(say("{total} of 100", { total: 81 }), "81 von 100");
