@@ -81,7 +81,7 @@ export function panels(main, dance, parts, song) {
   const chosen = () => {
     parts.people.disabled = alone(parts.source.value);
     const latency_s = latencyOf(parts.source.value);
-    latency.replaceChildren(`${latency_s === null ? say("Latency not measured.") : say("{time} latency are taken off.", { time: milliseconds(latency_s) })} `,
+    latency.replaceChildren(`${latency_s === null ? say("Latency not measured.") : say("{time} of latency are taken off.", { time: milliseconds(latency_s) })} `,
       el("a", { href: "#/calibrate" }, say(latency_s === null ? "Measure it" : "Measure it again")));
   };
   parts.source.addEventListener("change", chosen);
@@ -100,7 +100,7 @@ export function panels(main, dance, parts, song) {
     shown.bars.list,
     simulated,
     latency,
-    el("p", { class: "quiet" }, say("Hands together above your head, held for a second and a half, pause and go on."), " ",
+    el("p", { class: "quiet" }, say("Hold your hands together above your head for a second and a half to pause, and again to go on."), " ",
       say("Keys: space starts and stops, p pauses, left and right turn the teacher, m mirrors, f is full screen.")),
   );
   return shown;
