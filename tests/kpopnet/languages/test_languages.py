@@ -14,7 +14,7 @@ from kpopnet.dance.dimensions.movement import FIGURES
 from kpopnet.dance.dimensions.stage import DIMENSIONS
 from kpopnet.dance.window import PARTS
 from kpopnet.dance.words.moments import _WORDS as DIRECTIONS
-from kpopnet.dance.words.moments import at, lateness, posture_text
+from kpopnet.dance.words.moments import at, from_to, lateness, posture_text
 from kpopnet.languages import LANGUAGES, Said, catalogue, in_language, keyed
 from synth.dances.live import FAULTS, SKILLS
 
@@ -97,6 +97,11 @@ def test_feedback_is_said_in_each_language():
     ]
     assert [in_language(lateness(-0.24, None), one) for one in LANGUAGES] == ["0.2 s early", "0.2초 빠름", "0,2 s zu früh"]
     assert in_language(lateness(0.25, 0.5), "de") == "einen halben Schlag zu spät"
+    other = Said("{what} {when}", what=Said("danced what belongs at {time}", time="0:12"), when=from_to(4, 8))
+    assert in_language(other, "ko") == "0:04~0:08 다른 부분(0:12)의 안무를 춤"  # which of the times is which
+    small = Said("{what}, {percent}% of the teacher's", what=Said("movements too small"), percent="59")
+    text = in_language(Said("{what} {when}", what=small, when=Said("throughout")), "de")
+    assert text == "Bewegungen zu klein, 59 % des Coachs (durchgehend)"
     assert in_language("no person seen", "ko") == "사람이 안 보여요" and in_language("take.2.npz", "de") == "take.2.npz"
 
 
