@@ -84,8 +84,33 @@ def test_a_language_has_every_text_with_the_same_gaps_and_no_other(language):
 
 def test_no_korean_particle_depends_on_what_fills_a_gap():
     """은/는, 이/가 and others are chosen by the last sound of the word before, which a gap does not have."""
-    particles = "은|는|이|가|을|를|과|와|로|으로|이나|나|랑|이랑|이에요|예요|라|이라"
-    assert [text for text in catalogue("ko").values() if re.search(rf"\}}(?:{particles})(?![가-힣])", text)] == []
+    particles = "은|는|이|가|을|를|과|와|로|으로|이?나|이?랑|이에요|예요|이?라|이?라고|이?고|이?며|이?면|이?야|이?든"
+    depends = re.compile(rf"\}}[)'\"]*(?:{particles})(?![가-힣])")
+    assert depends.search("{name}은 (이미)") and depends.search("({name})을")
+    assert [text for text in catalogue("ko").values() if depends.search(text)] == []
+
+
+def test_left_and_right_are_the_same_in_each_language():
+    sides = {"en": r"(\bleft\b)|\bright\b", "ko": "(왼)|오른", "de": "(?i)(link)|recht"}
+    right = {"Parts of the body: orange is wrong, blue is right", "right nearly throughout: {parts}"}  # not wrong
+    for english in catalogue("ko").keys() - right:
+        told = [bool(side) for side in re.findall(sides["en"], english)]
+        for one in OTHERS if told else ():
+            assert [bool(side) for side in re.findall(sides[one], catalogue(one)[english])] == told, (one, english)
+
+
+def test_dancers_are_addressed_in_one_way():
+    """In German as du, in Korean politely but not formally."""
+    formal = {"de": r"\b(?:Sie|Ihnen|Ihre?[nmrs]?)\b", "ko": "니다|시오(?![가-힣])"}
+    assert [text for one, how in formal.items() for text in catalogue(one).values() if re.search(how, text)] == []
+
+
+def test_numbers_are_written_as_the_language_writes_them():
+    """Percent signs stand apart in German, and not in Korean; German decimals have a comma."""
+    strange = {"de": r"[\d}]%|\d\.\d", "ko": r"[\d}] %"}
+    addresses = re.compile(r"https?://\S+")
+    texts = {one: [addresses.sub("", text) for text in catalogue(one).values()] for one in strange}
+    assert [text for one, how in strange.items() for text in texts[one] if re.search(how, text)] == []
 
 
 def test_feedback_is_said_in_each_language():
