@@ -35,7 +35,7 @@ function shown(value) {
   return DECIMAL_COMMA.includes(language) && /^[+-]?\d+\.\d+$/.test(text) ? text.replace(".", ",") : text;
 }
 
-// Day and time of what Date.UTC gave.
+// Day and time of what Date.UTC gave; of 24 hours, since some browsers say "AM" in Korean.
 export function dated(time_ms) {
-  return new Intl.DateTimeFormat(DATES[language], { dateStyle: "medium", timeStyle: "short", timeZone: "UTC" }).format(time_ms);
+  return new Intl.DateTimeFormat(DATES[language], { dateStyle: "medium", timeStyle: "short", hourCycle: "h23", timeZone: "UTC" }).format(time_ms);
 }

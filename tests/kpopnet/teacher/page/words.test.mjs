@@ -48,6 +48,13 @@ test("a name that is written from right to left does not turn the numbers beside
   assert.equal(say("Last: {name}, {total} of 100.", { name: "مرحبا 2", total: 97 }), "Zuletzt: \u2068مرحبا 2\u2069, 97 von 100.");
 });
 
+test("a date in Korean has no English in it", async () => {
+  globalThis.location = { search: "?lang=ko" };
+  const { dated } = await import(`${PAGE}words.js?korean`);
+  globalThis.location = { search: "?lang=de" };
+  assert.equal(dated(Date.UTC(2026, 11, 3, 0, 11)), "2026. 12. 3. 00:11");
+});
+
 test("dates, weights and percentages are written as the language writes them", () => {
   assert.equal(when("20261203-091100-123"), "03.12.2026, 09:11");
   assert.equal(furtherOf({ weights: { similarity: 3, place: 0.5 }, counted: { similarity: 81.4, place: 60 } })[0].textContent,
