@@ -9,6 +9,9 @@ const CHOICES = { left: "← left is better", equal: "↓ equal, or unsure", rig
 const COLOURS = { right: "#e07b2c", left: "#3d8fdc", torso: "#9a95a8" };
 const SPEEDS = [25, 50, 75, 100];
 
+// Once the mouse has set a control the keys are the page's again; whom the keyboard led there goes on with it.
+const afterMouse = ({ target }) => target.matches(":focus-visible") || target.blur();
+
 // The figure of a dance, whose right limbs are orange and left ones blue; parts that are missing are left out.
 class Dance extends Figure {
   constructor() {
@@ -52,8 +55,8 @@ function rating(main, rater) {
   const undo = el("button", { type: "button", id: "undo", onclick: () => say("") }, "Take the last answer back");
   const play = el("button", { type: "button", id: "play", onclick: () => toggle() }, "Play");
   const again = el("button", { type: "button", id: "again", onclick: () => begin() }, "From the start");
-  const speed = el("select", { id: "speed", onchange: () => speed.blur() }, ...SPEEDS.map((one) => el("option", { value: one, selected: one === 100 }, `${one} %`)));
-  const slider = el("input", { type: "range", id: "scrub", step: 0.02, "aria-label": "time", onchange: () => slider.blur(),
+  const speed = el("select", { id: "speed", onchange: afterMouse }, ...SPEEDS.map((one) => el("option", { value: one, selected: one === 100 }, `${one} %`)));
+  const slider = el("input", { type: "range", id: "scrub", step: 0.02, "aria-label": "time", onchange: afterMouse,
     oninput: () => { state.playing = false; state.time_s = Number(slider.value); } });
   const told = el("p", { id: "told", role: "status" }), error = el("p", { class: "error", id: "error", role: "alert" });
   const bar = el("progress", { max: 1, value: 0, "aria-label": "pairs done" }), time = el("span", { class: "quiet" });

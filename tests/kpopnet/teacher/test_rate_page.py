@@ -41,6 +41,13 @@ def test_a_rater_answers_reloads_and_finishes(tmp_path):
         canvases = driver.all(".trio canvas")
         before = [canvas.screenshot_as_base64 for canvas in canvases]
         assert len(set(before)) == 3  # each dances otherwise
+        for selector, key in (("#scrub", Keys.HOME), ("#speed", Keys.ARROW_UP)):  # no answers, though arrows follow
+            driver.execute_script(f"document.querySelector('{selector}').focus()")
+            for one in (key, Keys.ARROW_RIGHT, Keys.ARROW_DOWN):
+                driver.switch_to.active_element.send_keys(one)
+        assert choices() == [] and driver.switch_to.active_element.get_attribute("id") == "speed"
+        driver.find("#scrub").click()  # the mouse gives the keys back
+        assert driver.switch_to.active_element.tag_name == "body"
         press("d")
         driver.until(lambda _: all(one.screenshot_as_base64 != old for one, old in zip(canvases, before, strict=True)))
         press(Keys.ARROW_LEFT)
