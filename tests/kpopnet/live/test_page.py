@@ -41,7 +41,8 @@ def test_two_people_are_seen_recorded_paused_and_lost_and_the_end_of_the_program
     write_recording(tmp_path)
     watching = watched(tmp_path, open_camera=partial(open_unsteady_recording, tmp_path))
     with contextlib.ExitStack() as server, chromium() as driver:
-        driver.get(server.enter_context(served(watching)))
+        driver.get(server.enter_context(served(watching)) + "?lang=ko")
+        driver.until(lambda one: one.execute_script("return document.documentElement.lang") == "en")  # as its texts are
         driver.until(lambda one: len(one.all("#people li")) == 2)
         driver.reads("#people", "person 1: ")
         driver.reads("#people", "person 2: ")

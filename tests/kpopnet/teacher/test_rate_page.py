@@ -30,7 +30,9 @@ def test_a_rater_answers_reloads_and_finishes(tmp_path):
         def press(key: str) -> None:
             driver.find("body").send_keys(key)
 
-        driver.get(address)
+        driver.get(f"{address}?lang=ko")
+        driver.find("#name")
+        assert driver.execute_script("return document.documentElement.lang") == "en"  # as its texts are
         driver.find("#name").send_keys("eve 1", Keys.ENTER)
         driver.reads("#told", f"Pair 1 of {PAIRS}")
         driver.until(lambda one: float(one.find("#scrub").get_attribute("value")) > 0.5)  # it plays
