@@ -12,7 +12,8 @@ import { LANGUAGES, language, say } from "./words.js";
 const main = document.getElementById("main");
 let leave = null, turn = 0;
 
-async function show() {
+// `moved`: the address has changed. What had the focus is gone then: reading goes on at the new view's heading.
+async function show(moved) {
   const mine = ++turn;
   if (leave) leave();
   leave = null;
@@ -38,6 +39,10 @@ async function show() {
   if (mine !== turn) return;
   document.title = [main.querySelector("h1")?.firstChild?.textContent, say("Dance teacher")].filter(Boolean).join(" · ");
   main.dataset.ready = location.hash;
+  if (!moved) return;
+  const head = main.querySelector("h1") || main;
+  head.tabIndex = -1;
+  head.focus({ preventScroll: true });
 }
 
 const afterDance = (...ends) => () => ends.forEach((end) => end());
@@ -62,9 +67,13 @@ languages.append(...Object.entries(LANGUAGES).map(([key, text]) => el("option", 
 languages.value = language;
 languages.addEventListener("change", () => {
   remember("language", languages.value);
-  history.replaceState(null, "", `/${location.hash}`); // without ?lang=
+  history.replaceState("language", "", `/${location.hash}`); // without ?lang=
   location.reload();
 });
+if (history.state === "language") { // by the keyboard the next one may be wanted
+  history.replaceState(null, "");
+  languages.focus();
+}
 // A dance, a recording or a measurement goes on: what is busy is not shown anew.
 languages.before(handsSwitch(() => main.querySelector("[data-busy]") || show()));
 addEventListener("storage", ({ key }) => { if (key === "teach.who") myself().catch(() => {}); }); // chosen in another tab

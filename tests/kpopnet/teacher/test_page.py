@@ -144,6 +144,20 @@ def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korea
     assert browser.find("#start").text == "Start"  # what was stopped does not begin by itself
 
 
+def test_by_the_keyboard_a_view_begins_at_its_heading_and_a_language_is_chosen_after_another(library, address, browser):
+    browser.get(f"{address}?lang=en")
+    browser.find("[data-dance=dance_001]").send_keys(Keys.ENTER)
+    browser.until(lambda one: one.switch_to.active_element.tag_name == "h1")
+    assert browser.switch_to.active_element.text.startswith(library.about("dance_001").name)
+    browser.execute_script("location.hash = '#/dance/none'")
+    browser.until(lambda one: one.find("[role=alert]").text and one.switch_to.active_element.get_attribute("id") == "main")
+    for language, text in (("ko", "춤 선생님"), ("de", "Tanzcoach")):
+        browser.find("#language").send_keys(Keys.ARROW_DOWN)
+        browser.until(lambda one, wanted=language: one.execute_script("return document.documentElement.lang") == wanted)
+        browser.reads("#home", text)
+        assert browser.switch_to.active_element.get_attribute("id") == "language"
+
+
 def test_a_narrow_screen_in_the_dark_and_two_lessons_at_once_and_no_third(address, browser):
     browser.resize(NARROW)
     browser.get(address)
