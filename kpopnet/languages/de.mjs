@@ -13,6 +13,8 @@ export default {
   "Search": "Suche",
   "search": "Suchbegriff",
   "any difficulty": "alle Schwierigkeitsgrade",
+  "difficulty": "Schwierigkeit",
+  "order": "Reihenfolge",
   "by name": "nach Name",
   "by difficulty": "nach Schwierigkeit",
   "by tempo": "nach Tempo",

@@ -13,6 +13,8 @@ export default {
   "Search": "검색",
   "search": "검색어",
   "any difficulty": "모든 난이도",
+  "difficulty": "난이도",
+  "order": "순서",
   "by name": "이름순",
   "by difficulty": "난이도순",
   "by tempo": "템포순",

@@ -24,9 +24,9 @@ export async function menu(main) {
   const [dances, told_of, offer] = await Promise.all([ask("/api/dances"), myself(), ask("/api/offer")]);
   if (!main.isConnected) return () => {}; // the page shows another view by now, which has the connection
   const search = el("input", { type: "search", id: "search", placeholder: say("search"), oninput: show });
-  const level = el("select", { id: "level", onchange: show }, el("option", { value: "" }, say("any difficulty")));
-  for (let one = 1; one <= 5; one++) level.append(el("option", { value: one }, stars(one)));
-  const order = el("select", { id: "order", onchange: () => { remember("order", order.value); show(); } });
+  const level = el("select", { id: "level", "aria-label": say("difficulty"), onchange: show }, el("option", { value: "" }, say("any difficulty")));
+  for (let one = 1; one <= 5; one++) level.append(inStars("option", one));
+  const order = el("select", { id: "order", "aria-label": say("order"), onchange: () => { remember("order", order.value); show(); } });
   for (const name of Object.keys(ORDERS)) order.append(el("option", { value: name }, say(`by ${name}`)));
   order.value = remembered("order", "name");
   const told = el("p", { class: "quiet", role: "status" });
@@ -67,7 +67,7 @@ export async function menu(main) {
       thumbs.watch(canvas, one.identity);
       return el("a", { class: "card", href: `#/dance/${one.identity}`, "data-dance": one.identity }, canvas,
         el("b", {}, one.name),
-        el("small", { role: "img", "aria-label": say("difficulty {level} of 5", { level: one.difficulty }) }, stars(one.difficulty)),
+        inStars("small", one.difficulty),
         el("small", {}, `${clock(one.seconds)} · ${say("{count} bpm", { count: Math.round(one.bpm) })}${one.own ? ` · ${say("yours")}` : ""}`));
     }));
   }
@@ -97,7 +97,9 @@ export async function menu(main) {
   }
 }
 
-export const stars = (count) => "●".repeat(count) + "○".repeat(5 - count);
+// A difficulty in circles, which are read as words.
+export const inStars = (tag, level) => el(tag, { ...(tag === "option" ? { value: level } : { role: "img" }), "aria-label": say("difficulty {level} of 5", { level }) },
+  "●".repeat(level) + "○".repeat(5 - level));
 
 // Draws the dances whose cards are in view, ten times a second.
 function thumbnails() {

@@ -1,6 +1,6 @@
 // What stands on the page of a dance: its controls, the pictures, and the words.
 import { LOOPS } from "./loops.js";
-import { stars } from "./menu.js";
+import { inStars } from "./menu.js";
 import { GOALS, SPEEDS, practisable } from "./practice.js";
 import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
 import { WEBCAM, withoutDepth } from "./webcam.js";
@@ -67,7 +67,7 @@ export function panels(main, dance, parts, song) {
     practice: el("p", { id: "practice", role: "status" }),
     time: el("span", {}), age: el("span", { id: "age" }),
     error: el("p", { class: "error", id: "error", role: "alert" }),
-    bar: el("progress", { max: 1, value: 0 }), preparingText: el("span", {}),
+    bar: el("progress", { max: 1, value: 0, "aria-labelledby": "preparing-text" }), preparingText: el("span", { id: "preparing-text", role: "status" }),
     members: el("ol", { id: "members" }), bars: partBars(),
   };
   shown.preparing = el("div", { id: "preparing", hidden: true }, shown.preparingText, shown.bar);
@@ -90,7 +90,7 @@ export function panels(main, dance, parts, song) {
     el("div", { class: "controls" }, el("label", {}, say("skill"), parts.skill), el("label", {}, say("fault"), parts.fault),
       el("label", {}, say("person"), parts.seed)));
   main.append(
-    el("h1", {}, el("bdi", {}, dance.name), el("small", { class: "quiet" }, `${stars(dance.difficulty)} · ${say("{count} bpm", { count: Math.round(dance.bpm) })} · ${clock(dance.seconds)}`)),
+    el("h1", {}, el("bdi", {}, dance.name), el("small", { class: "quiet" }, inStars("span", dance.difficulty), ` · ${say("{count} bpm", { count: Math.round(dance.bpm) })} · ${clock(dance.seconds)}`)),
     el("div", { class: "controls" }, parts.start, el("label", {}, say("speed"), parts.speed), el("label", {}, say("dance"), parts.phrase),
       el("label", {}, say("practise"), parts.practise), el("label", {}, parts.loop, say("loop")), el("label", {}, parts.mirrored, say("as in a mirror")),
       el("label", {}, say("music"), parts.music), el("label", {}, say("camera"), parts.source), el("label", {}, say("learners"), parts.people),

@@ -23,7 +23,7 @@ for (const [name, order] of Object.entries(ORDERS)) {
     if (detail) order.button.blur(); // after the mouse, space pauses; after the keyboard it presses the button again
   } });
 }
-const depth = el("canvas", { id: "depth", "aria-label": "depth with every person's skeleton" });
+const depth = el("canvas", { id: "depth", role: "img", "aria-label": "depth with every person's skeleton" });
 const room = el("canvas", { id: "room", role: "img", "aria-label": "every person's skeleton in 3D; the left and right keys turn the view" });
 const told = el("div", { class: "guide", id: "told", role: "status" });
 const title = el("h1", {}, "kpopnet live"), numbers = el("p", { id: "numbers" });

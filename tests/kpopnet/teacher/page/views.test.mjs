@@ -77,8 +77,10 @@ test("a name that a Mac wrote is found as it is typed", async () => {
   Object.assign(globalThis, { IntersectionObserver: class { observe() {} disconnect() {} }, matchMedia: () => ({ matches: true }) });
   const dances = ["É칠", "Duet"].map((name, k) => ({ identity: `own_${k}`, name: name.normalize("NFD"), difficulty: 1, seconds: 9, bpm: 120, own: true }));
   globalThis.fetch = async (path) => Response.json(path === "/api/offer" ? { sources: { simulated: "" } } : dances);
-  const leave = await menu(main), [search, cards] = ["search", "cards"].map((id) => allOf(main).find((one) => one.id === id));
+  const leave = await menu(main), [search, cards, ...selects] = ["search", "cards", "level", "order"].map((id) => allOf(main).find((one) => one.id === id));
   leave(); // ends its timer
+  assert.deepEqual(selects.map((one) => one["aria-label"]), ["difficulty", "order"]);
+  assert.deepEqual([selects[0].children[2], allOf(cards.children[0])[2]].map((one) => one["aria-label"]), ["difficulty 2 of 5", "difficulty 1 of 5"]);
   search.value = "é칠";
   search.listeners.input();
   assert.deepEqual(cards.children.map((card) => card.href), ["#/dance/own_0"]);
