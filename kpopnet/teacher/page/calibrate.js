@@ -3,7 +3,7 @@ import { LearnerView } from "./learner.js";
 import { liveFor } from "./live.js";
 import { choice } from "./panels.js";
 import { Sound } from "./sound.js";
-import { ask, el, keepLatency, latencyOf, milliseconds, remember, remembered } from "./tools.js";
+import { ask, el, keepLatency, latencyOf, milliseconds, remember, remembered, tell } from "./tools.js";
 import { say } from "./words.js";
 
 const BEAT_S = 1, BEATS = 12, COUNTS = 4, START_S = COUNTS * BEAT_S + 0.3;
@@ -74,7 +74,7 @@ export async function calibrate(main) {
 
   function frame(content, picture) {
     learner.show(picture, content, true);
-    guide.textContent = say(content.guidance);
+    tell(guide, say(content.guidance));
   }
 
   function away({ text }) {

@@ -2,7 +2,7 @@
 // no person is seen or while one dances: a view offers nothing then.
 import { liveFor } from "./live.js";
 import { Dwell, pointed } from "./pointing.js";
-import { el, remember, remembered } from "./tools.js";
+import { el, remember, remembered, tell } from "./tools.js";
 import { say } from "./words.js";
 
 const SHOWN_MS = 1500, STEADY_MS = 120;
@@ -42,7 +42,7 @@ export function follow(joints, mirrored, now_ms) {
   if (!handsFree() || !offered) return;
   const at = joints && pointed(joints, mirrored, place?.hand), keep = Math.exp(-(now_ms - seen_ms) / STEADY_MS);
   seen_ms = now_ms;
-  hint.textContent = say("raise a hand to choose");
+  tell(hint, say("raise a hand to choose"));
   hint.hidden = !joints || Boolean(at);
   if (at) shown_ms = now_ms;
   panel.hidden = !joints || now_ms - shown_ms > SHOWN_MS;

@@ -59,7 +59,7 @@ export function panels(main, dance, parts, song) {
     count: el("div", { class: "count", "aria-hidden": "true" }),
     guide: el("div", { class: "guide", id: "guide", role: "status" }),
     score: el("div", { class: "score", id: "so-far", role: "group", "aria-label": say("score so far") }, "–"),
-    words: el("div", { class: "words", id: "words" }),
+    words: el("div", { class: "words", id: "words", role: "status" }),
     verdict: el("div", { class: "verdict", id: "verdict", role: "status" }),
     lane: el("canvas", { id: "lane", role: "img", "aria-label": say("the coming moves") }),
     stars: el("div", { id: "stars", role: "group", "aria-label": say("stars so far") }), streak: el("div", { id: "streak" }),

@@ -6,7 +6,7 @@ import { MUSIC, choice } from "./panels.js";
 import { songAt, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
 import { sketch } from "./sketch.js";
-import { ask, clamp, clock, el, latencyOf, remember, remembered } from "./tools.js";
+import { ask, clamp, clock, el, latencyOf, remember, remembered, tell } from "./tools.js";
 import { withoutDepth } from "./webcam.js";
 import { say } from "./words.js";
 
@@ -111,7 +111,7 @@ export async function record(main) {
   function frame(content, picture) {
     learner.show(picture, { joints: content.joints, colour: "#fff" }, true);
     if (!state.running) return; // it was on its way when the recording was stopped
-    guide.textContent = say(content.guidance);
+    tell(guide, say(content.guidance));
     if (!state.start && content.joints) lead(performance.now());
     if (state.start && performance.now() - state.start > 1000 * LONGEST_S) stop("");
   }

@@ -242,12 +242,15 @@ function film(base, name) {
 
   async function make() {
     making = new AbortController();
+    told.ariaLive = "off"; // each percent would be read
     button.textContent = say("cancel the film");
     try {
       await followed(`${base}/film`, making.signal, (fraction) => { told.textContent = ` ${say("making the film: {percent} %", { percent: Math.round(100 * fraction) })}`; });
       el("a", { href: `${base}.mp4`, download: name }).click();
+      told.ariaLive = "polite";
       told.textContent = ` ${say("the film is saved")}`;
     } catch (error) {
+      told.ariaLive = "polite";
       told.textContent = ` ${making.signal.aborted ? say("the film was cancelled") : error.message}`;
     }
     making = null;

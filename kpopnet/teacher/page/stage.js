@@ -10,7 +10,7 @@ import { alone, controls, panels, taught } from "./panels.js";
 import { Practice, asDanced } from "./practice.js";
 import { songAt, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
-import { OF_LEARNERS, ask, clamp, clock, el, keyOf, latencyOf, remember, remembered, swatch } from "./tools.js";
+import { OF_LEARNERS, ask, clamp, clock, el, keyOf, latencyOf, remember, remembered, swatch, tell } from "./tools.js";
 import { HandsHeld, InPlace, praise, starsOf, streakAfter } from "./verdicts.js";
 import { say } from "./words.js";
 
@@ -187,6 +187,7 @@ export async function stage(main, identity, wanted) {
     if (state.practice) parts.speed.value = remembered("speed", 100);
     Object.assign(state, { running: false, ready: false, start: 0, place: null, practice: null, paused_s: null });
     delete main.dataset.busy;
+    readWords(true);
     history.replaceState(null, "", location.hash.replace(/\bgo&|[?&]go$/, "")); // or it would begin by itself when one comes back
     shown.beginNow.hidden = true;
     clearTimeout(state.again);
@@ -213,7 +214,7 @@ export async function stage(main, identity, wanted) {
   function preparing({ fraction, text }) {
     if (!state.running) return;
     shown.bar.value = fraction;
-    shown.preparingText.textContent = say(text);
+    tell(shown.preparingText, say(text));
   }
 
   function ready() {
@@ -231,12 +232,18 @@ export async function stage(main, identity, wanted) {
     Object.assign(state, { ready: true, place: null, start: performance.now() + 1000 * in_s, start_s: from_s, reason: "", paused_s: null });
     shown.beginNow.hidden = true;
     shown.words.textContent = shown.verdict.textContent = "";
+    readWords(false);
     if (what === "go") showStreak(0);
     live.send({ do: what, in_s: in_s + (resumed_s - from_s) / state.speed });
     sound.play({
       in_s: (state.start - performance.now()) / 1000, from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS,
       music: parts.music.value === "song" ? songAt(from_s / ratio, state.speed / ratio) || "tick" : parts.music.value,
     });
+  }
+
+  // While one dances words change all the time, and a screen reader reads the verdicts alone.
+  function readWords(on) {
+    shown.words.ariaLive = on ? "polite" : "off";
   }
 
   function frame(content, picture) {
@@ -246,9 +253,9 @@ export async function stage(main, identity, wanted) {
     everybody.forEach(({ so_far, time_s }, k) => {
       if (members[k] && time_s !== null) [members[k].score.textContent, members[k].stars.textContent] = [pointsOf(so_far), starsOf(so_far)];
     });
-    shown.guide.textContent = say(content.guidance);
+    tell(shown.guide, say(content.guidance));
     if (state.place && !shown.beginNow.hidden) {
-      shown.words.textContent = say(all ? "there you are" : "stand before the camera: the dance begins when you are seen");
+      tell(shown.words, say(all ? "there you are" : "stand before the camera: the dance begins when you are seen"));
       if (state.place.see({ ...content, joints: all ? content.joints : null }, performance.now())) begin();
     }
     if (hands.see(content.joints, performance.now(), state.speed)) pause();
@@ -257,7 +264,7 @@ export async function stage(main, identity, wanted) {
     if (content.time_s === null) return;
     shown.stars.textContent = starsOf(content.so_far);
     shown.score.textContent = pointsOf(content.so_far);
-    shown.words.textContent = say(content.words) === state.reason ? "" : say(content.words); // the verdict says it already
+    tell(shown.words, say(content.words) === state.reason ? "" : say(content.words)); // the verdict says it already
     shown.bars.show(content.parts);
   }
 
@@ -278,6 +285,7 @@ export async function stage(main, identity, wanted) {
   function done(result) {
     if (!state.running) return undefined; // it was on its way when the dance was stopped
     sound.stop();
+    readWords(true);
     shown.words.textContent = result.total === null ? say(result.hints[0]) : say("{total} of 100", { total: Math.round(result.total) });
     shown.score.textContent = result.total === null ? "–" : Math.round(result.total);
     shown.error.textContent = notSaved(result);
@@ -358,6 +366,7 @@ export async function stage(main, identity, wanted) {
     if (!state.running) return;
     away({ text: "" });
     Object.assign(state, { paused_s: from_s, start_s: from_s });
+    readWords(true);
     shown.words.textContent = say("paused: hands together above your head, or p, to go on");
   }
 

@@ -16,6 +16,11 @@ export function el(tag, properties = {}, ...children) {
   return node;
 }
 
+// Writes what may be written many times a second: a screen reader would read the same words as often.
+export function tell(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
 function unanswered() {
   throw new Error(say("the teacher's program does not answer; is it still running?"));
 }

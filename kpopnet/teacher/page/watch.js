@@ -3,7 +3,7 @@ import { View } from "./body.js";
 import { Figure } from "./figure.js";
 import { LearnerView } from "./learner.js";
 import { Live } from "./live.js";
-import { OF_LEARNERS, clock, el, keyOf, swatch } from "./tools.js";
+import { OF_LEARNERS, clock, el, keyOf, swatch, tell } from "./tools.js";
 
 const COLOURS = [...OF_LEARNERS, "#228833", "#aa3377", "#4477aa"];
 const PREPARING = "no image yet; where kernels are compiled first, which happens once, that takes up to a minute";
@@ -125,7 +125,7 @@ function lost() {
 function animate(now) {
   const { lost: gone, text, paused, ended, frame: last, at } = state;
   const waiting = !paused && !ended && now - at > SILENCE_MS;
-  told.textContent = gone ? "the program does not answer; is it still running?" : text || (paused ? "paused" : waiting ? PREPARING : "");
+  tell(told, gone ? "the program does not answer; is it still running?" : text || (paused ? "paused" : waiting ? PREPARING : ""));
   for (const { button, is, words, told: kept } of Object.values(ORDERS)) {
     const on = state[is], seconds = on && last && kept && last[kept] ? ` (${clock(last[kept].seconds)})` : "";
     const label = words[Number(on)] + seconds;

@@ -188,6 +188,21 @@ function pointing(more = {}) {
   draw(0);
 }
 
+test("a screen reader reads where to stand once, how a pause ends, and while one dances the verdicts alone", async () => {
+  const { get, leave } = await opened(), guide = get("guide"), written = [];
+  get("start").click();
+  told({ kind: "ready" });
+  Object.defineProperty(guide, "textContent", { get: () => written.at(-1) ?? "", set: (text) => written.push(text) });
+  for (let k = 0; k < 3; k++) pointing({ guidance: "step back" });
+  assert.deepEqual(written, ["step back"]);
+  const read = () => [get("words").role, get("words").ariaLive];
+  get("begin").click();
+  assert.deepEqual(read(), ["status", "off"]);
+  told({ kind: "paused", from_s: 3 });
+  assert.deepEqual(read(), ["status", "polite"]);
+  leave();
+});
+
 test("learners beside each other are waited for, and have their own colour and score", async () => {
   const { get, leave } = await opened(), second = { joints: null, parts: {}, so_far: null, time_s: null };
   get("people").value = "2";
