@@ -98,6 +98,7 @@ export default {
   "Measure it again": "Neu messen",
   "Hold your hands together above your head for a second and a half to pause, and again to go on.": "Halte die Hände anderthalb Sekunden über dem Kopf zusammen, um zu pausieren, und noch einmal, um weiterzutanzen.",
   "Keys: space starts and stops, p pauses, left and right turn the teacher, m mirrors, f is full screen.": "Tasten: Leertaste startet und stoppt, p macht Pause, Pfeil links und rechts drehen den Coach, m spiegelt, f ist Vollbild.",
+  "letters are shortcuts": "Buchstaben sind Tastenkürzel",
   "Start": "Start",
   "Stop": "Stopp",
   "{total} of 100 at {percent} %: you reached your goal of {goal}": "{total} von 100 bei {percent} %: Ziel {goal} erreicht",

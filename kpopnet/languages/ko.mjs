@@ -98,6 +98,7 @@ export default {
   "Measure it again": "다시 측정하기",
   "Hold your hands together above your head for a second and a half to pause, and again to go on.": "두 손을 머리 위에서 1초 반 동안 모으고 있으면 멈추고, 다시 그렇게 하면 이어져요.",
   "Keys: space starts and stops, p pauses, left and right turn the teacher, m mirrors, f is full screen.": "단축키: 스페이스는 시작과 정지, p는 일시정지, 왼쪽과 오른쪽 화살표는 선생님 돌리기, m은 거울 모드, f는 전체 화면.",
+  "letters are shortcuts": "글자 키를 단축키로 사용",
   "Start": "시작",
   "Stop": "정지",
   "{total} of 100 at {percent} %: you reached your goal of {goal}": "{percent}% 속도에서 {total}점: 목표 {goal}점을 달성했어요",

@@ -2,7 +2,7 @@
 import { LOOPS } from "./loops.js";
 import { inStars } from "./menu.js";
 import { GOALS, SPEEDS, practisable } from "./practice.js";
-import { clock, el, latencyOf, milliseconds, partBars, remembered } from "./tools.js";
+import { clock, el, latencyOf, lettersSwitch, milliseconds, partBars, remembered } from "./tools.js";
 import { WEBCAM, withoutDepth } from "./webcam.js";
 import { say } from "./words.js";
 
@@ -101,7 +101,7 @@ export function panels(main, dance, parts, song) {
     simulated,
     latency,
     el("p", { class: "quiet" }, say("Hold your hands together above your head for a second and a half to pause, and again to go on."), " ",
-      say("Keys: space starts and stops, p pauses, left and right turn the teacher, m mirrors, f is full screen.")),
+      say("Keys: space starts and stops, p pauses, left and right turn the teacher, m mirrors, f is full screen."), " ", lettersSwitch()),
   );
   return shown;
 }

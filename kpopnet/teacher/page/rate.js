@@ -1,7 +1,7 @@
 // Two learners beside their teacher, pair by pair: a rater says who dances better. Names, ranks and scores never come here.
 import { View } from "./body.js";
 import { Figure, JOINTS } from "./figure.js";
-import { ask, clamp, clock, el, keyOf, unpacked } from "./tools.js";
+import { ask, clamp, clock, el, keyOf, lettersSwitch, unpacked } from "./tools.js";
 
 const MISSING = -32768;
 const SIDES = { left: "left learner", teacher: "teacher", right: "right learner" };
@@ -66,7 +66,7 @@ function rating(main, rater) {
     el("div", { class: "controls answers" }, ...Object.values(answers)),
     el("div", { class: "controls" }, play, again, el("label", {}, "speed", speed), slider, time),
     el("p", { class: "quiet" }, "Orange is the dancer's right, blue the left. Drag or use the keys a and d to turn all three, scroll to zoom. ",
-      "Keys: ← left is better, → right is better, ↓ equal or unsure, space plays and pauses, r from the start, backspace takes the last answer back."));
+      "Keys: ← left is better, → right is better, ↓ equal or unsure, space plays and pauses, r from the start, backspace takes the last answer back. ", lettersSwitch()));
   const state = { time_s: 0, from_s: 0, to_s: 0, done: 0, playing: false, busy: true, last: 0 };
   main.replaceChildren(el("h1", {}, "Which learner dances more like the teacher?"), told, bar, error, stage,
     el("p", { class: "controls" }, undo, el("a", { href: "#" }, `Not ${rater}?`)));

@@ -66,10 +66,17 @@ export function clamp(value, low, high) {
 }
 
 // The key of an event. Of a letter the small one, with Caps Lock too, and where the layout has another script the one that stands
-// there on a keyboard of Latin letters.
+// there on a keyboard of Latin letters; none where letters are switched off.
 export function keyOf({ key, code = "" }) {
+  if (key.length === 1 && key !== " " && !remembered("letters", true)) return "";
   if (/^Key[A-Z]$/.test(code) && !/^[a-z]$/i.test(key)) return code[3].toLowerCase();
   return key.length === 1 ? key.toLowerCase() : key;
+}
+
+// Switches shortcuts of one letter off: who speaks to the machine, or presses keys by accident, would start them with every word.
+export function lettersSwitch() {
+  const box = el("input", { type: "checkbox", id: "letters", checked: remembered("letters", true), onchange: () => remember("letters", box.checked) });
+  return el("label", {}, box, " ", say("letters are shortcuts"));
 }
 
 // The latency of a set-up, by its source of depth, in seconds; null where none was measured.

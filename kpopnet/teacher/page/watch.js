@@ -3,7 +3,7 @@ import { View } from "./body.js";
 import { Figure } from "./figure.js";
 import { LearnerView } from "./learner.js";
 import { Live } from "./live.js";
-import { OF_LEARNERS, clock, el, keyOf, swatch, tell } from "./tools.js";
+import { OF_LEARNERS, clock, el, keyOf, lettersSwitch, swatch, tell } from "./tools.js";
 
 const COLOURS = [...OF_LEARNERS, "#228833", "#aa3377", "#4477aa"];
 const PREPARING = "no image yet; where kernels are compiled first, which happens once, that takes up to a minute";
@@ -35,7 +35,7 @@ main.append(title,
     el("div", { class: "panel" }, room, el("span", { class: "tag" }, "3D"))),
   numbers, people, said,
   el("p", { class: "quiet" }, "Keys: r records depth, j joints, space pauses. Drag or use the left and right keys to turn the 3D view, scroll to zoom. ",
-    "Pale limbs are uncertain; a percentage is the mean estimated probability that a joint is within 10 cm."));
+    "Pale limbs are uncertain; a percentage is the mean estimated probability that a joint is within 10 cm. ", lettersSwitch()));
 
 const picture = new LearnerView(depth), view = new View(room), figures = new Map(), middle = { x: 0, z: 0, floor: null };
 view.back(4.2);
@@ -43,7 +43,7 @@ const live = new Live({ opened, state: changed, frame, drawn, said: say, error: 
 live.connect();
 
 document.addEventListener("keydown", (event) => {
-  const typing = event.key === " " && event.target.closest("button");
+  const typing = event.key === " " && event.target.closest("button, input");
   if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
   const order = Object.values(ORDERS).find(({ key }) => key === keyOf(event));
   if (order && !event.repeat) order.button.click();

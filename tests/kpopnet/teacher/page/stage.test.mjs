@@ -161,6 +161,21 @@ test("shortcuts work with Caps Lock and on a Korean layout", async () => {
   leave();
 });
 
+test("shortcuts of a letter can be switched off, and those of other keys stay", async () => {
+  const { get, leave } = await opened(), box = get("letters");
+  box.checked = false;
+  box.listeners.change();
+  begin(get);
+  sent.length = 0;
+  const press = (key, code) => listeners.keydown({ key, code, target: { closest: () => null }, preventDefault() {} });
+  for (const [key, code] of [["p", "KeyP"], ["ㅔ", "KeyP"]]) press(key, code);
+  assert.deepEqual(asked(), []);
+  press(" ", "Space");
+  assert.equal(get("start").textContent, "Start");
+  leave();
+  remember("letters", true);
+});
+
 test("the latency is kept for the camera that was measured", async () => {
   const main = document.createElement("main"), leave = await calibrate(main), get = (id) => allOf(main).find((one) => one.id === id);
   get("start").click();
