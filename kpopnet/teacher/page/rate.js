@@ -137,7 +137,8 @@ function rating(main, rater) {
     if (state.time_s >= state.to_s) Object.assign(state, { time_s: state.to_s, playing: false });
     state.last = now;
     slider.value = state.time_s;
-    time.textContent = `${clock(state.time_s - state.from_s)} of ${clock(state.to_s - state.from_s)}`;
+    const text = `${clock(state.time_s - state.from_s)} of ${clock(state.to_s - state.from_s)}`;
+    if (time.textContent !== text) time.textContent = slider.ariaValueText = text;
     play.textContent = state.playing ? "Pause" : "Play";
     if (!stage.hidden) for (const { view } of shown) view.draw(state.time_s);
     requestAnimationFrame(animate);

@@ -110,7 +110,8 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
   function seek(time_s) {
     state.time_s = clamp(time_s, found.from_s, end_s);
     slider.value = state.time_s;
-    time.textContent = say("{time} of {end}", { time: clock(state.time_s), end: clock(end_s) });
+    const text = say("{time} of {end}", { time: clock(state.time_s), end: clock(end_s) });
+    if (time.textContent !== text) time.textContent = slider.ariaValueText = text;
     course.mark(state.time_s);
   }
 

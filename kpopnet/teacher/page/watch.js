@@ -127,9 +127,9 @@ function animate(now) {
   const waiting = !paused && !ended && now - at > SILENCE_MS;
   tell(told, gone ? "the program does not answer; is it still running?" : text || (paused ? "paused" : waiting ? PREPARING : ""));
   for (const { button, is, words, told: kept } of Object.values(ORDERS)) {
-    const on = state[is], seconds = on && last && kept && last[kept] ? ` (${clock(last[kept].seconds)})` : "";
-    const label = words[Number(on)] + seconds;
-    if (button.textContent !== label) button.textContent = label;
+    const on = state[is], seconds = on && last && kept && last[kept] ? ` (${clock(last[kept].seconds)})` : "", label = words[Number(on)];
+    // Seconds are no part of its name, or a screen reader would read each.
+    if (button.textContent !== label + seconds) button.replaceChildren(label, el("span", { "aria-hidden": "true" }, seconds));
     button.className = on ? "main" : "";
     button.disabled = gone || ended;
   }

@@ -52,6 +52,8 @@ def test_two_people_are_seen_recorded_paused_and_lost_and_the_end_of_the_program
         body = driver.find("body")
         body.send_keys("r")
         driver.reads("#record", "Stop recording (")
+        assert driver.find("#record").accessible_name == "Stop recording"
+        assert driver.find("#depth").aria_role in ("img", "image")
         driver.find("#joints").click()
         driver.until(lambda one: re.match(r"Save joints \((?!0:00)", one.find("#joints").text))
         driver.find("#record").click()

@@ -1,5 +1,7 @@
 """The page of `kpopnet rate` in a real browser: by keys and buttons, after a reload, on narrow screens."""
 
+import re
+
 import pytest
 
 pytest.importorskip("aiohttp", reason="the extra app is not installed")
@@ -48,6 +50,7 @@ def test_a_rater_answers_reloads_and_finishes(tmp_path):
             for one in (key, Keys.ARROW_RIGHT, Keys.ARROW_DOWN):
                 driver.switch_to.active_element.send_keys(one)
         assert choices() == [] and driver.switch_to.active_element.get_attribute("id") == "speed"
+        assert re.fullmatch(r"0:0\d of 0:0\d", driver.find("#scrub").get_attribute("aria-valuetext"))
         driver.find("#scrub").click()  # the mouse gives the keys back
         assert driver.switch_to.active_element.tag_name == "body"
         press("d")
