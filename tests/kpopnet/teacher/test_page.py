@@ -330,4 +330,14 @@ def test_the_page_of_a_score_replays_it_without_a_server(library, browser, tmp_p
     assert "a note" in browser.find("#main").text and browser.all("a") == []
     worst.send_keys(Keys.ENTER)
     browser.until(lambda one: float(one.find("#scrub").get_attribute("value")) > 0)
+    assert re.fullmatch(r"\d:\d\d of \d:\d\d", browser.find("#scrub").get_attribute("aria-valuetext"))
+    for contrast in ("forced-colors: active", "prefers-contrast: more"):
+        name, value = contrast.split(": ")
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": name, "value": value}]})
+        told = browser.execute_script(
+            """const style = (one) => getComputedStyle(document.querySelector(one));
+            const grounds = [".track i", ".track"].map((one) => style(one).backgroundColor);
+            return [...grounds, style(".panel").borderColor, style("body").color];"""
+        )
+        assert told[0] != told[1] and told[2] == told[3], contrast
     assert [name for name in browser.loaded if not name.startswith("data:")] == []
