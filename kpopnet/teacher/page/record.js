@@ -189,7 +189,8 @@ export async function record(main) {
     const beats = state.start ? (now - state.start) / 1000 / state.beat_s : 0;
     count.textContent = beats < 0 && beats >= -COUNTS ? String(Math.floor(beats) + 1 + COUNTS) : "";
     if (!editor.hidden) {
-      const [from_s, to_s] = bounds(), at_s = from_s + now / 1000 % Math.max(to_s - from_s, 1);
+      const [from_s, to_s] = bounds(), still_s = document.activeElement === to ? to_s : from_s; // for whom nothing shall move by itself
+      const at_s = matchMedia("(prefers-reduced-motion: reduce)").matches ? still_s : from_s + now / 1000 % Math.max(to_s - from_s, 1);
       const [, shown] = state.frames.find(([time_s]) => time_s >= at_s) || state.frames.at(-1), [width, height] = PREVIEW_PX, pen = preview.getContext("2d");
       const [torso_x, torso_y] = shown[TORSO];
       pen.clearRect(0, 0, width, height);

@@ -3,12 +3,12 @@ import assert from "node:assert/strict";
 import { beforeEach, mock, test } from "node:test";
 import "./dom.mjs";
 
-let now_ms, video, track, listeners, view, socket, animate;
+let still = false, now_ms, video, track, listeners, view, socket, animate;
 const anything = new Proxy(() => {}, { get: (_, name) => (name === Symbol.toPrimitive ? () => 0 : anything), apply: () => anything });
 const { createElement } = document, settled = () => new Promise((go) => { setTimeout(go, 5); });
 const OFFER = { sources: { simulated: "a simulated learner", realsense: "a RealSense", webcam: "the webcam of this browser" } };
 Object.assign(globalThis, {
-  devicePixelRatio: 1, location: { hash: "" }, getComputedStyle: () => ({}), requestAnimationFrame(draw) { animate = draw; },
+  devicePixelRatio: 1, location: { hash: "" }, matchMedia: () => ({ matches: still }), getComputedStyle: () => ({}), requestAnimationFrame(draw) { animate = draw; },
   AudioContext: function AudioContext() { return anything; },
   OfflineAudioContext: class { decodeAudioData = () => new Promise(() => {}); }, // a song that is read for as long as the test lasts
   createImageBitmap: async () => ({}),
@@ -135,6 +135,27 @@ test("the joints of every image from the one on are kept with their times, drawn
   const frames = await saved();
   assert.deepEqual(frames.map(({ time_s }) => time_s), [0, 0.08, 0.18, 5]);
   assert.deepEqual(frames[2].joints[3], [0.1, 0.2, 4.5, 0.9]);
+});
+
+test("where less motion is wished the cut shows where it begins, or ends while the end is chosen", async () => {
+  await dance(9.5);
+  for (const [k, at_s] of [10, 11, 12].entries()) { // the head is further to one side in each
+    now_ms = 1000 * at_s;
+    socket.say({ kind: "joints", taken_ms: now_ms, joints: Array.from({ length: 15 }, (_, joint) => [joint ? 0 : k + 1, 0, 2, 1]) });
+  }
+  part("start").listeners.click();
+  const heads = [], pen = new Proxy({}, { get: (_, name) => (name === "arc" ? (x) => heads.push(x) : () => {}) });
+  Object.assign(part("preview"), { getContext: () => pen });
+  still = true;
+  for (const focused of [null, part("to")]) {
+    document.activeElement = focused;
+    for (const at_ms of [0, 3000]) animate(at_ms);
+  }
+  [still, document.activeElement] = [false, null];
+  assert.ok(heads[0] === heads[1] && heads[2] === heads[3] && heads[1] !== heads[2], heads.join());
+  animate(0);
+  animate(8400);
+  assert.notEqual(heads[4], heads.at(-1));
 });
 
 test("a recording ends by itself after five minutes, also where no person is seen any more", async () => {
