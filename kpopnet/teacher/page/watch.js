@@ -27,13 +27,13 @@ const depth = el("canvas", { id: "depth", role: "img", "aria-label": "depth with
 const room = el("canvas", { id: "room", role: "img", "aria-label": "every person's skeleton in 3D; the left and right keys turn the view" });
 const told = el("div", { class: "guide", id: "told", role: "status" });
 const title = el("h1", {}, "kpopnet live"), numbers = el("p", { id: "numbers" });
-const people = el("ul", { class: "list", id: "people" }), said = el("ul", { class: "list quiet", id: "said", role: "log" });
+const people = el("ul", { class: "list", id: "people" }), said = el("ul", { class: "list quiet", id: "said" });
 main.append(title,
   el("div", { class: "controls" }, ...Object.values(ORDERS).map(({ button }) => button)),
   el("div", { class: "floor" },
     el("div", { class: "panel seen" }, depth, el("span", { class: "tag" }, "depth"), told),
     el("div", { class: "panel" }, room, el("span", { class: "tag" }, "3D"))),
-  numbers, people, said,
+  numbers, people, el("div", { role: "log" }, said),
   el("p", { class: "quiet" }, "Keys: r records depth, j joints, space pauses. Drag or use the left and right keys to turn the 3D view, scroll to zoom. ",
     "Pale limbs are uncertain; a percentage is the mean estimated probability that a joint is within 10 cm. ", lettersSwitch()));
 

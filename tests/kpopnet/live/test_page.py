@@ -61,6 +61,7 @@ def test_two_people_are_seen_recorded_paused_and_lost_and_the_end_of_the_program
         driver.until(lambda one: len(one.all("#said li")) == 2)
         driver.reads("#said", "depth images of")
         driver.reads("#said", "joints of")
+        assert driver.find("#said").aria_role == "list" and driver.all("[role=log] #said")
         (recording,) = (tmp_path / "kept").glob("*.h5")
         assert len(list(open_depth(recording))) > 5 and len(list((tmp_path / "kept").glob("*.npz"))) == 2
 
