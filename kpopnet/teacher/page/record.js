@@ -92,7 +92,7 @@ export async function record(main) {
   }
 
   function beat_s() {
-    return 60 / clamp(Number(tempo.value) || USUAL_BPM, 40, 240);
+    return 60 / (tempo.disabled ? songTempo() : clamp(Number(tempo.value) || USUAL_BPM, 40, 240));
   }
 
   function begin() {

@@ -56,7 +56,7 @@ Object.assign(globalThis, {
 Object.assign(document, {
   addEventListener: (kind, listener) => { listeners[kind] = listener; },
   removeEventListener() {},
-  createElement: (tag) => Object.assign(createElement(tag), tag === "video" && {
+  createElement: (tag) => Object.assign(createElement(tag), tag === "audio" && { pause() {} }, tag === "video" && {
     videoWidth: 640, videoHeight: 480, async play() {}, requestVideoFrameCallback(take) { video = take; },
   }),
 });
@@ -196,6 +196,21 @@ test("the tempo of a song does not stay when another is taken", async () => {
   drop("unknown.mp3");
   await settled();
   assert.deepEqual([songTempo(), part("bpm").disabled], [0, false]);
+});
+
+test("a dance to a song keeps the song's own beats, also slow ones", async () => {
+  localStorage.setItem("teach.song.slow.mp3", JSON.stringify({ bpm: 31.26, one_s: 0 }));
+  const { OfflineAudioContext } = globalThis;
+  globalThis.OfflineAudioContext = class { decodeAudioData = async () => null; };
+  drop("slow.mp3");
+  await settled();
+  globalThis.OfflineAudioContext = OfflineAudioContext;
+  await dance(20);
+  part("start").listeners.click();
+  let asked;
+  globalThis.fetch = async (path) => { asked = path; return Response.json({ identity: "mine" }); };
+  await save();
+  assert.equal(Number(new URLSearchParams(asked.split("?")[1]).get("bpm")).toFixed(4), "31.2600");
 });
 
 for (const [what, fail, told] of [
