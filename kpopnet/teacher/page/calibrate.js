@@ -66,6 +66,7 @@ export async function calibrate(main) {
   }
 
   function ready() {
+    if (!state.running) return; // as in `done`
     told.textContent = say("an arm up at each tick");
     state.start = performance.now() + 1000 * START_S;
     live.send({ do: "go", in_s: START_S });

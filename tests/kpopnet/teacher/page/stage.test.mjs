@@ -185,8 +185,9 @@ test("the latency is kept for the camera that was measured", async () => {
   assert.deepEqual([get("source").disabled, localStorage.getItem("teach.latency.realsense")], [false, "0.12"]);
   get("start").click();
   get("start").click();
-  told({ kind: "done", latency_s: 0.5, hints: [] }); // of a measurement that was stopped
-  assert.equal(localStorage.getItem("teach.latency.realsense"), "0.12");
+  told({ kind: "ready" }); // both of a measurement that was stopped
+  told({ kind: "done", latency_s: 0.5, hints: [] });
+  assert.deepEqual([localStorage.getItem("teach.latency.realsense"), asked().at(-1)], ["0.12", "stop"]);
   leave();
 });
 
