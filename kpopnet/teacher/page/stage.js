@@ -380,7 +380,9 @@ export async function stage(main, identity, wanted) {
   }
 
   function lost() {
-    if (state.running) stop(say("the teacher's program does not answer; is it still running?"), false);
+    const text = say("the teacher's program does not answer; is it still running?");
+    if (state.running) stop(text, false);
+    else if (handsFree()) rest(text);
   }
 
   function animate(now) {

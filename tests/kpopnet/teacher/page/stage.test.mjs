@@ -276,3 +276,15 @@ test("a camera that is away or fails, and a program that has ended, hide what a 
   letChoose([]);
   remember("hands", false);
 });
+
+test("a program that has ended hides what a hand could choose before a dance, and is told", async () => {
+  const [panel, hint] = byHand(), { leave } = await opened();
+  pointing();
+  assert.equal(panel.hidden, false);
+  heard.close();
+  assert.deepEqual([panel.hidden, hint.hidden], [true, false]);
+  assert.match(hint.textContent, /does not answer/);
+  leave();
+  letChoose([]);
+  remember("hands", false);
+});
