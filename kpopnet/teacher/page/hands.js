@@ -9,7 +9,7 @@ const SHOWN_MS = 1500, STEADY_MS = 120;
 const fields = el("div", { class: "fields" }), cursor = el("i", { class: "cursor", hidden: true });
 const panel = el("div", { id: "hands", hidden: true }, fields, cursor), hint = el("p", { id: "hands-hint", role: "status", hidden: true });
 const dwell = new Dwell();
-let offered = "", place = null, seen_ms = 0, shown_ms = -Infinity;
+let acts = [], offered = "", place = null, seen_ms = 0, shown_ms = -Infinity;
 
 export const handsFree = () => remembered("hands", false);
 
@@ -28,11 +28,12 @@ export function handsSwitch(changed) {
 
 // What can be chosen by hand from now on: id, text and what happens, and a picture if there is one.
 export function letChoose(targets) {
+  acts = targets.map(({ act }) => act); // of the newest, also where they look as before
   const key = targets.map(({ id, text }) => `${id} ${text}`).join();
   if (key === offered) return;
   offered = key;
-  fields.replaceChildren(...targets.map(({ id, text, act, picture }) =>
-    el("button", { type: "button", class: "field", "data-target": id, onclick: act }, picture || null, text)));
+  fields.replaceChildren(...targets.map(({ id, text, picture }, k) =>
+    el("button", { type: "button", class: "field", "data-target": id, onclick: () => acts[k]() }, picture || null, text)));
   dwell.renew();
   if (!targets.length) panel.hidden = hint.hidden = true;
 }

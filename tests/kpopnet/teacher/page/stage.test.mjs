@@ -288,3 +288,13 @@ test("a program that has ended hides what a hand could choose before a dance, an
   letChoose([]);
   remember("hands", false);
 });
+
+test("what a hand chooses is what is offered now, also where it looks as before", () => {
+  byHand();
+  const chosen = [], [panel] = document.body.children;
+  for (const name of ["before", "now"]) letChoose([{ id: "more", text: "More dances", act: () => chosen.push(name) }]);
+  panel.children[0].children[0].click();
+  assert.deepEqual(chosen, ["now"]);
+  letChoose([]);
+  remember("hands", false);
+});
