@@ -76,12 +76,13 @@ export function songPanel(changed) {
     try {
       const context = new OfflineAudioContext(1, 1, ANALYSED_HZ), decoded = await context.decodeAudioData(await chosen.arrayBuffer());
       const kept = remembered(`song.${chosen.name}`, null), found = kept && canBeDanced(kept) ? kept : await beatsBeside(decoded.getChannelData(0));
+      if (!canBeDanced(found)) throw new Error("no beats were found in it; tap them"); // its one lies after its end: it is loud there alone
       if (mine === turn) keep(found);
     } catch (error) {
       if (mine !== turn) return;
+      if (error.name === "EncodingError") song.name = ""; // it has no beats to correct
       show();
-      told.textContent = error.name === "EncodingError" ? say("{name}: this browser cannot read it; choose an audio file", { name: chosen.name }) : say(error.message);
-      song.name = error.name === "EncodingError" ? "" : song.name;
+      told.textContent = song.name ? say(error.message) : say("{name}: this browser cannot read it; choose an audio file", { name: chosen.name });
     }
   }
 

@@ -150,6 +150,28 @@ test("a song that was read more slowly than the one chosen after it leaves that 
   assert.deepEqual(["slow", "broken", "chosen"].map((name) => localStorage.getItem(`teach.song.${name}`) !== null), [false, false, true]);
 });
 
+test("a song of which no beats were found in it is tapped; one that cannot be read is not", async () => {
+  Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
+  globalThis.OfflineAudioContext = class {
+    decodeAudioData = async (read) => (read ? { getChannelData: () => [] } : Promise.reject(Object.assign(new Error("no sound"), { name: "EncodingError" })));
+  };
+  globalThis.Worker = class {
+    addEventListener(kind, listener) { this[kind] = listener; }
+
+    postMessage() { this.message({ data: { found: { bpm: 100, one_s: 21.6 } } }); }
+
+    terminate() {}
+  };
+  const { panel, take } = songPanel(() => {}), get = (id) => allOf(panel).find((one) => one.id === id), tools = panel.children.at(-1);
+  get("song").duration = 20;
+  for (const [read, told] of [[true, /tap them$/], [false, /cannot read it/]]) {
+    await take({ name: "one", arrayBuffer: async () => read });
+    assert.match(get("song-told").textContent, told);
+    assert.equal(tools.hidden, !read);
+  }
+  get("song").duration = NaN;
+});
+
 // Chooses the same file twice in an input for files, which tells of a change of its value alone.
 function chooseTwice(input, file) {
   for (let k = 0; k < 2; k++) {
