@@ -86,7 +86,7 @@ function about(found, told) {
 
 // The scores of the tries of a dance, the newest on the right; of the whole dance, if it was danced.
 function curve(dance) {
-  const seen = dance.tries.filter(({ total }) => total !== null), whole = seen.filter(({ from_s, to_s }) => from_s === 0 && Math.abs(to_s - dance.seconds) < 1);
+  const seen = dance.tries.filter(({ total }) => total !== null), whole = seen.filter(({ from_s, to_s }) => from_s === 0 && Math.abs((to_s || dance.seconds) - dance.seconds) < 1);
   const shown = (whole.length ? whole : seen).toReversed();
   if (!shown.length) return [];
   const x = (k) => (shown.length > 1 ? 20 + (WIDE - 40) * k / (shown.length - 1) : WIDE / 2), y = (value) => HIGH - 8 - (HIGH - 16) * value / 100;

@@ -9,7 +9,7 @@ const { after } = await import(`${PAGE}hands.js`);
 const { againAddress, asDanced, phraseAt } = await import(`${PAGE}practice.js`);
 const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
 const { menu } = await import(`${PAGE}menu.js`);
-const { myself } = await import(`${PAGE}mine.js`);
+const { myself, profilePage } = await import(`${PAGE}mine.js`);
 const { line } = await import(`${PAGE}result.js`);
 const { songAt, songPanel, songTempo } = await import(`${PAGE}song.js`);
 
@@ -204,4 +204,15 @@ test("the line of a course has gaps where nothing was compared", () => {
   const same = (value) => value;
   document.createElementNS = (_space, tag) => document.createElement(tag);
   assert.equal(line([0, 1, 2, 3, 4, 5], [null, 1, 2, null, 3, 4], same, same).d, "M1,1L2,2M4,3L5,4");
+});
+
+test("a try to the end of a dance is one of the whole dance, however its end was told", async () => {
+  const main = document.createElement("main"), one = (day, to_s, total) => ({ session: `202603${day}-120000-000`, from_s: 0, to_s, total, phrases: [] });
+  const tries = [one("03", 4, 5), one("02", 0, 81), one("01", 60, 90)]; // the newest first
+  const dances = [{ identity: "d", name: "D", seconds: 60, phrase_s: 4, tries }];
+  globalThis.fetch = async (path) => Response.json(path === "/api/profiles" ? { p_1: "Mina" } : { name: "Mina", dances });
+  localStorage.setItem("teach.who", '"p_1"');
+  await profilePage(main);
+  localStorage.setItem("teach.who", '""');
+  assert.ok(allOf(main).some(({ textContent }) => textContent === "2 tries, best 90, last 81 on 2026-03-02 12:00"));
 });
