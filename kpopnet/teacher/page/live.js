@@ -87,7 +87,6 @@ export class Live {
     this.on = hearing({});
     this.newest = null;
     if (this.socket) this.send({ do: "stop" });
-    else this.watch(false);
   }
 }
 
