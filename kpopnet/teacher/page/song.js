@@ -7,6 +7,7 @@ const ANALYSED_HZ = 22050, BPM = [20, 400], LOST_S = 2; // after this time witho
 const audio = el("audio", { id: "song", controls: true, preload: "auto" });
 const song = { name: "", bpm: 0, one_s: 0 };
 let turn = 0; // of the songs that were chosen: what becomes known of an earlier one is dropped
+let newest = null; // panel, where it is told: the song may have been chosen in a view that was left
 
 // Where a dance's excerpt begins in the song and how fast the song plays; null without a song. `song_s` are seconds of the song
 // from the one, `speed` that of the song.
@@ -40,6 +41,7 @@ export function songPanel(changed) {
     correct("bar", "a bar later", beats(BAR_BEATS))));
   const panel = el("div", { id: "song-panel", class: "box" },
     el("label", {}, say("your song, or drop it on this page (it stays in this browser)"), " ", file), told, tools);
+  newest = { told, show, changed };
   show();
   return { panel, take };
 
@@ -61,8 +63,8 @@ export function songPanel(changed) {
     Object.assign(song, corrected);
     while (song.one_s < 0) song.one_s += BAR_BEATS * 60 / song.bpm; // a dance begins on a one that the song has
     remember(`song.${song.name}`, { bpm: song.bpm, one_s: song.one_s });
-    show();
-    changed();
+    newest.show();
+    newest.changed();
   }
 
   async function take(chosen) {
@@ -81,8 +83,8 @@ export function songPanel(changed) {
     } catch (error) {
       if (mine !== turn) return;
       if (error.name === "EncodingError") song.name = ""; // it has no beats to correct
-      show();
-      told.textContent = song.name ? say(error.message) : say("{name}: this browser cannot read it; choose an audio file", { name: chosen.name });
+      newest.show();
+      newest.told.textContent = song.name ? say(error.message) : say("{name}: this browser cannot read it; choose an audio file", { name: chosen.name });
     }
   }
 

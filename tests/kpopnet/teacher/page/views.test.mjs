@@ -172,6 +172,21 @@ test("a song of which no beats were found in it is tapped; one that cannot be re
   get("song").duration = NaN;
 });
 
+test("what becomes known of a song that was chosen in a view that was left is told in the next one", async () => {
+  const read = [], changed = [];
+  globalThis.OfflineAudioContext = class { decodeAudioData = () => new Promise((take, fail) => { read.push(take, fail); }); };
+  localStorage.setItem("teach.song.mine", '{"bpm": 90, "one_s": 1}');
+  for (const [fails, shown] of [[false, "mine: 90.0 beats a minute, the one at 1.00 s"], [true, "mine: this browser cannot read it; choose an audio file"]]) {
+    const left = songPanel(() => changed.push("left")), taken = left.take({ name: "mine", arrayBuffer: async () => null });
+    const { panel } = songPanel(() => changed.push("next"));
+    await new Promise(globalThis.setImmediate);
+    read.splice(0)[Number(fails)](Object.assign(new Error("no sound"), { name: "EncodingError" }));
+    await taken;
+    assert.equal(allOf(panel).find(({ id }) => id === "song-told").textContent, shown);
+  }
+  assert.deepEqual(changed, ["left", "next", "left"]); // where it was chosen, the beats of the song before go
+});
+
 // Chooses the same file twice in an input for files, which tells of a change of its value alone.
 function chooseTwice(input, file) {
   for (let k = 0; k < 2; k++) {
