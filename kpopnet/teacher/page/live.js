@@ -34,7 +34,7 @@ export class Live {
     const text = JSON.stringify(message);
     this.connect();
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(text);
-    else this.socket.addEventListener("open", () => this.socket.send(text), { once: true });
+    else this.socket.addEventListener("open", () => this.socket.send(text));
   }
 
   // Opens this browser's webcam for a lesson whose source it is, and closes it at its end.
