@@ -30,6 +30,7 @@ function at(time_s) {
 test("between two frames rotations and places are interpolated", () => {
   const between = at(0.25);
   assert.ok(Math.abs(between.height_m - 2) < 1e-6 && Math.abs(between.bend - Math.PI / 4) < 1e-3);
+  assert.ok(Math.abs(at(0.1).bend - Math.PI / 10) < 1e-3);
 });
 
 test("before the begin and after the end a body stands still", () => {
@@ -88,6 +89,33 @@ test("without WebGL bones are lines where WebGL would draw them, the nearest las
   assert.ok(Math.abs(mirrored[1].from[0] + upright[1].from[0] - 400) < 0.01);
   view.draw(0.5);
   assert.equal(drawings.length, 4);
+  const done = [];
+  for (const what of ["dispose", "forceContextLoss"]) view.renderer[what] = () => done.push(what);
+  view.close(); // a browser has but few contexts
+  assert.deepEqual(done, ["dispose", "forceContextLoss"]);
+});
+
+test("without WebGL a body has a head", () => {
+  const [canvas, drawings] = flatCanvas(), view = new View(canvas);
+  view.add({ ...BODY, names: ["Hips", "Head"] }, "teacher", 0).movement = MOVEMENT;
+  view.draw(0);
+  assert.deepEqual(drawings[0].filter(({ from, to, wide }) => from[0] === to[0] && from[1] === to[1] && wide > 5).map(({ ink }) => ink), ["#d9a57e"]);
+  view.close();
+});
+
+test("a group that is zoomed stays so until the picture has another shape", () => {
+  const [canvas] = flatCanvas(), view = new View(canvas), far_m = () => view.camera.position.length();
+  view.fit([{ x: -2, z: 0 }, { x: 2, z: 0 }]);
+  view.draw(0);
+  const fitted_m = far_m();
+  view.back(2);
+  canvas.clientWidth = 800;
+  canvas.clientHeight = 600;
+  view.draw(0);
+  assert.ok(far_m() < 3 && fitted_m > 4);
+  canvas.clientWidth = 300;
+  view.draw(0);
+  assert.ok(far_m() > fitted_m);
   view.close();
 });
 

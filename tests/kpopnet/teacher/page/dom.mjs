@@ -62,5 +62,8 @@ export const allOf = (node) => node.children.filter((child) => child instanceof 
 
 const stored = new Map();
 globalThis.HTMLCanvasElement = Node;
-globalThis.document = { createElement: (tag) => new Node(tag), getElementById: () => new Node("p"), body: new Node("body"), documentElement: new Node("html") };
+globalThis.document = {
+  createElement: (tag) => new Node(tag), createElementNS: (_space, tag) => new Node(tag), getElementById: () => new Node("p"),
+  body: new Node("body"), documentElement: new Node("html"),
+};
 globalThis.localStorage = { getItem: (name) => stored.get(name) ?? null, setItem: (name, value) => stored.set(name, value) };

@@ -80,6 +80,15 @@ test("of the images that have come the newest alone is drawn, and the server hea
   assert.ok(drawn.page_ms >= now_ms && others.length === 0);
 });
 
+test("an image of a server whose clock is behind is as old as it is", () => {
+  const live = listen(), now_ms = Date.now(), behind_ms = 5000;
+  live.send({ do: "prepare" });
+  Socket.made[0].happen("open");
+  live.receive(frameOf({ taken_ms: now_ms - behind_ms - 40, sent_ms: now_ms - behind_ms, heard_ms: [now_ms - 9, now_ms - behind_ms - 9] }));
+  live.draw();
+  assert.ok(said[1][1] >= 40 - 1 && said[1][1] < 1000, said[1][1]);
+});
+
 test("a text is followed after the image that came before it", () => {
   const live = listen();
   live.send({ do: "prepare" });

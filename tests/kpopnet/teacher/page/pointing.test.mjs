@@ -65,6 +65,8 @@ test("a hand that is lost for a moment goes on, one that is gone begins again", 
   const dwell = new Dwell();
   assert.deepEqual(chosen(dwell, [null, 500], ["a", 800], [null, 200], ["a", 700]), ["a"]);
   dwell.renew();
+  assert.deepEqual(chosen(dwell, [null, 500], ["a", 500], [null, 200], ["a", 500], [null, 200], ["a", 500]), ["a"]);
+  dwell.renew();
   assert.deepEqual(chosen(dwell, [null, 500], ["a", 800], [null, 600], ["a", 800]), []);
   assert.deepEqual(chosen(dwell, [null, 5000]), []); // no person is there
 });

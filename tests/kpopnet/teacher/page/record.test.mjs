@@ -1,9 +1,9 @@
 // Record and dance: a dance before a camera that the test plays.
 import assert from "node:assert/strict";
 import { beforeEach, mock, test } from "node:test";
-import "./dom.mjs";
+import { allOf } from "./dom.mjs";
 
-let still = false, now_ms, video, track, listeners, view, socket, animate;
+let still = false, now_ms, video, track, stopped, begun = 0, listeners, view, leave, socket, animate;
 const anything = new Proxy(() => {}, { get: (_, name) => (name === Symbol.toPrimitive ? () => 0 : anything), apply: () => anything });
 const { createElement } = document, settled = () => new Promise((go) => { setTimeout(go, 5); });
 const OFFER = { sources: { simulated: "a simulated learner", realsense: "a RealSense", webcam: "the webcam of this browser" } };
@@ -13,7 +13,8 @@ Object.assign(globalThis, {
   OfflineAudioContext: class { decodeAudioData = () => new Promise(() => {}); }, // a song that is read for as long as the test lasts
   createImageBitmap: async () => ({}),
   Worker: class extends EventTarget {
-    postMessage() {
+    postMessage({ anew }) {
+      begun += Number(Boolean(anew));
       const found = { poseLandmarks: Array(33).fill({ x: 0.5, y: 0.5, visibility: 1 }), poseWorldLandmarks: Array(33).fill({ x: 0, y: 0, z: 0 }) };
       queueMicrotask(() => this.dispatchEvent(Object.assign(new Event("message"), { data: { found } })));
     }
@@ -40,9 +41,9 @@ Object.assign(globalThis, {
       this.listeners.message({ data: JSON.stringify(message) });
     }
 
-    // Of an image of a moment ago, with a person or without, whether the page draws it or not.
-    see(person, drawn = true) {
-      const timed = { taken_ms: now_ms - 20, sent_ms: now_ms, heard_ms: null };
+    // Of an image of a moment ago, by default 20 ms, with a person or without, whether the page draws it or not.
+    see(person, drawn = true, age_ms = 20) {
+      const timed = { taken_ms: now_ms - age_ms, sent_ms: now_ms, heard_ms: null };
       if (person) this.say({ kind: "joints", taken_ms: timed.taken_ms, joints: Array(15).fill([0.1, 0.2, now_ms / 1000, 0.9]) });
       const content = { kind: "frame", ...timed, guidance: "step back", joints: person ? Array(15).fill([0.5, 0.5, 2, 0.9]) : null };
       const text = new TextEncoder().encode(JSON.stringify(content)), data = new Uint8Array(4 + text.length + 5);
@@ -55,7 +56,7 @@ Object.assign(globalThis, {
 });
 Object.assign(document, {
   addEventListener: (kind, listener) => { listeners[kind] = listener; },
-  removeEventListener() {},
+  removeEventListener: (kind, listener) => { if (listeners[kind] === listener) delete listeners[kind]; },
   createElement: (tag) => Object.assign(createElement(tag), tag === "audio" && { pause() {} }, tag === "video" && {
     videoWidth: 640, videoHeight: 480, async play() {}, requestVideoFrameCallback(take) { video = take; },
   }),
@@ -67,16 +68,16 @@ mock.method(Date, "now", () => now_ms);
 
 const PAGE = "../../../../kpopnet/teacher/page/";
 const { cutOut, record } = await import(`${PAGE}record.js`);
-const { recordable } = await import(`${PAGE}hands.js`);
+const { recordable, watch } = await import(`${PAGE}hands.js`), { remember } = await import(`${PAGE}tools.js`);
 const { songTempo } = await import(`${PAGE}song.js`);
 const { Webcam } = await import(`${PAGE}webcam.js`);
 const part = (id) => view.querySelector(`#${id}`);
 
 beforeEach(async () => {
-  [now_ms, listeners, location.hash, track] = [1000, {}, "", Object.assign(createElement("track"), { stop() {} })];
+  [now_ms, listeners, location.hash, stopped, track] = [1000, {}, "", 0, Object.assign(createElement("track"), { stop() { stopped += 1; } })];
   globalThis.fetch = async (path) => Response.json(path === "/api/offer" ? OFFER : [{ identity: "x", broken: "damaged" }, { identity: "d", seconds: 60 }]);
   view = createElement("main");
-  await record(view);
+  leave = await record(view);
   part("music").value = "none";
 });
 
@@ -171,6 +172,7 @@ test("a cut recording begins and ends with its excerpt, and keeps the times in b
   const cut = cutOut(frames, 1, 3).frames.map(({ time_s, joints: [[x, , , sure]] }) => [time_s, x, sure]);
   assert.deepEqual(cut, [[0, 1.2, 0.9], [0.2, 1.2, 0.9], [0.3, 1.3, 0.9], [1.5, 2.5, 0.9], [2, 2.5, 0.9]]);
   assert.deepEqual(cutOut(frames, 4, 9).frames, []);
+  assert.deepEqual(cutOut([1, 1.004, 2.996, 3].map((time_s) => [time_s, []]), 1, 3).frames.map(({ time_s }) => time_s), [0, 2]); // none twice
 });
 
 test("a song that is dropped while a dance is recorded is taken, and the recording goes on", async () => {
@@ -211,6 +213,7 @@ test("a dance to a song keeps the song's own beats, also slow ones", async () =>
   globalThis.fetch = async (path) => { asked = path; return Response.json({ identity: "mine" }); };
   await save();
   assert.equal(Number(new URLSearchParams(asked.split("?")[1]).get("bpm")).toFixed(4), "31.2600");
+  assert.equal(part("song").playbackRate, 1);
 });
 
 for (const [what, fail, told] of [
@@ -230,8 +233,10 @@ for (const [what, fail, told] of [
 
 test("a webcam's pictures are asked about like a camera's images, and one that ends leaves what it has seen", async () => {
   await dance(12, "webcam");
+  assert.equal(stopped, 0);
   track.listeners.ended();
   assert.match(part("error").textContent, /no webcam was found/);
+  assert.ok(stopped > 0);
   const frames = await saved();
   assert.ok(frames.length > 10 && frames.at(-1).time_s >= 8);
 });
@@ -246,6 +251,46 @@ test("a dance that is not saved yet is not lost by a reload or a link without a 
   assert.ok(kept(globalThis.onbeforeunload) && link(false) && !part("editor").hidden);
   part("editor").hidden = true;
   assert.ok(!kept(globalThis.onbeforeunload) && !link(false));
+});
+
+test("who points and holds with a webcam lets go of it when the program has ended", async () => {
+  remember("hands", true);
+  const unwatch = watch({ identity: "d", seconds: 60 }, "webcam");
+  await settled();
+  socket.listeners.close();
+  assert.equal(stopped, 1);
+  unwatch();
+  remember("hands", false);
+});
+
+test("four counts are shown, and the latency of the camera is taken off", async () => {
+  remember("latency.realsense", 0.1);
+  await dance(1);
+  const counts = [1000, 1310, 3200, 3300].map((at_ms) => { animate(at_ms); return allOf(view).find(({ className }) => className === "count").textContent; });
+  assert.deepEqual(counts, ["", "1", "4", ""]);
+  for (const at_s of [5, 12]) await image(at_s);
+  part("start").listeners.click();
+  assert.deepEqual((await saved()).map(({ time_s }) => time_s), [0, 1.58, 8.5]);
+  remember("latency.realsense", null);
+});
+
+test("the space bar records and stops, but does not discard a dance that waits to be saved; a view that is left hears nothing", async () => {
+  const space = () => listeners.keydown({ key: " ", target: { closest: () => null }, preventDefault() {} });
+  part("source").value = "realsense";
+  part("start").click = part("start").listeners.click;
+  space();
+  assert.equal(part("start").textContent, "Stop");
+  for (let at_s = 1; at_s <= 12; at_s++) await image(at_s);
+  space();
+  space();
+  assert.deepEqual([part("editor").hidden, part("start").textContent], [false, "Record"]);
+  let answer;
+  globalThis.fetch = () => new Promise((take) => { answer = take; });
+  const saving = save();
+  leave();
+  answer(Response.json({ identity: "mine" }));
+  await saving;
+  assert.deepEqual([location.hash, globalThis.onbeforeunload, listeners], ["", null, {}]);
 });
 
 test("a lesson is saved once, and again if that failed", async () => {
@@ -274,11 +319,28 @@ test("joints are drawn over the picture in which they were found, not over the n
   await settled();
   for (const at_s of [1, 1.1, 1.2]) {
     now_ms = 1000 * at_s;
-    video(now_ms, {});
+    video(now_ms, { captureTime: now_ms - 40 });
     await settled();
   }
   webcam.close();
-  assert.deepEqual(told.map(([taken]) => taken), [1000, 1100, 1200]);
+  const before = begun, another = new Webcam(assert.fail, assert.fail);
+  await settled();
+  another.close();
+  assert.equal(begun, before + 1); // who was seen before is forgotten
+  assert.deepEqual(told.map(([taken]) => taken), [960, 1060, 1160]);
   assert.equal(new Set(told.map(([, canvas]) => canvas)).size, 3);
   for (const [taken, canvas] of told) assert.equal(webcam.pictureOf(taken + 20), canvas);
+});
+
+test("of a webcam the picture is shown that an answer is about, not a newer one", async () => {
+  const shown = [];
+  part("learner").getContext = () => new Proxy({}, { get: (_, name) => (name === "drawImage" ? (picture) => shown.push(picture) : () => {}) });
+  await dance(2, "webcam");
+  shown.length = 0;
+  for (const age_ms of [500, 0, 500]) {
+    socket.see(true, true, age_ms);
+    animate(now_ms);
+  }
+  assert.ok(shown[0] === shown[2] && shown[0] !== shown[1]);
+  leave();
 });

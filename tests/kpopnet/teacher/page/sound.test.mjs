@@ -1,11 +1,13 @@
-// When the metronome ticks.
+// When the metronome ticks, and what else is heard, in step with the dance.
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
 class Context {
   currentTime = 10;
   destination = {};
+  sampleRate = 4000;
   ticks = [];
+  loops = [];
 
   resume() {}
 
@@ -13,6 +15,16 @@ class Context {
     const tone = { frequency: {}, connect: (next) => next, stop() {} };
     tone.start = (at) => this.ticks.push([Number((at - this.currentTime).toFixed(6)), tone.frequency.value]);
     return tone;
+  }
+
+  createBuffer(_, length, rate) {
+    return { duration: length / rate, copyToChannel() {} };
+  }
+
+  createBufferSource() {
+    const source = { connect: (next) => next };
+    for (const what of ["start", "stop"]) source[what] = (...at) => this.loops.push([what, source.buffer.duration, ...at]);
+    return source;
   }
 
   createGain() {
@@ -31,6 +43,7 @@ function ticks(how) {
 
 test("four counts lead in, and the first beat is at the start", () => {
   assert.deepEqual(ticks({}).map(([at]) => at), [0.3, 0.8, 1.3, 1.8, 2.3, 2.8, 3.3, 3.8]);
+  assert.deepEqual(ticks({ to_s: 5 }).flatMap(([, hz], k) => (hz > 1500 ? [k] : [])), [0, 4, 12]); // the first count, and each phrase
 });
 
 test("a song that plays already is heard from where the dance begins on", () => {
@@ -40,6 +53,48 @@ test("a song that plays already is heard from where the dance begins on", () => 
   sound.play({ in_s: 2.3, from_s: 0, to_s: 2, beat_s: 0.5, speed: 1, counts: 4, music: { audio, at_s: 0.5, rate: 1 } });
   assert.deepEqual([heard, audio.currentTime], [["paused"], 0]); // it begins 1.8 s later
   sound.stop();
+});
+
+test("a song plays as fast as the dance, from where it meets the dance's first beat, and one that is behind or ahead catches up", async (t) => {
+  t.mock.timers.enable({ apis: ["setTimeout", "setInterval"] });
+  let now_ms = 0;
+  t.mock.method(performance, "now", () => now_ms);
+  const sound = new Sound(), heard = [], audio = { pause() { heard.push("paused"); }, async play() { heard.push("played"); throw new Error("not before a click"); } };
+  const later = async (ms) => { t.mock.timers.tick(ms); now_ms += ms; await null; await null; await null; };
+  const play = (at_s) => sound.play({ in_s: 4.3, from_s: 0, to_s: 9, beat_s: 0.5, speed: 0.5, counts: 4, music: { audio, at_s, rate: 0.5 } });
+  sound.wake();
+  play(5); // it has begun before the counts
+  assert.ok(Math.abs(audio.currentTime - 2.85) < 1e-9 && audio.playbackRate === 0.5);
+  play(1); // its begin is 2 s of the slowed dance before the dance's
+  assert.equal(audio.currentTime, 0);
+  await later(2299);
+  assert.deepEqual(heard, ["paused", "paused", "paused"]);
+  await later(1);
+  assert.equal(heard.at(-1), "played");
+  for (const [behind_s, rate] of [[0.05, 0.55], [0.3, 0.625], [-0.05, 0.45], [0.01, 0.5]]) {
+    audio.currentTime = 0.5 * (now_ms + 100 - 2300) / 1000 - behind_s;
+    now_ms += 100;
+    t.mock.timers.tick(100);
+    assert.ok(Math.abs(audio.playbackRate - rate) < 1e-9, `${behind_s}: ${audio.playbackRate}`);
+  }
+  sound.stop();
+  audio.playbackRate = 1; // its beats are tapped next
+  await later(1000);
+  assert.deepEqual([heard.at(-1), audio.playbackRate], ["paused", 1]);
+  play(1);
+  t.mock.timers.tick(2300);
+  sound.stop(); // before the browser has begun to play
+  await later(0);
+  audio.playbackRate = 1;
+  await later(1000);
+  assert.equal(audio.playbackRate, 1);
+});
+
+test("a loop is as fast as the dance, begins where the excerpt does, and ends with it", () => {
+  const sound = new Sound();
+  sound.wake();
+  sound.play({ in_s: 2.3, from_s: 3, to_s: 7, beat_s: 0.5, speed: 0.5, counts: 4, music: "house" });
+  assert.deepEqual(sound.context.loops, [["start", 8, 12.3, 6], ["stop", 8, 20.3]]);
 });
 
 test("a view that is left stops its sound for good", () => {

@@ -19,7 +19,7 @@ test("a program that is not running is told in the page's words", async () => {
 });
 
 test("a time is minutes and seconds", () => {
-  assert.deepEqual([0, 5.4, 59.6, 61, 600, -0.4, -3, -64.6].map(clock), ["0:00", "0:05", "1:00", "1:01", "10:00", "0:00", "-0:03", "-1:05"]);
+  assert.deepEqual([0, 5.4, 59.6, 61, 95, 600, -0.4, -3, -64.6].map(clock), ["0:00", "0:05", "1:00", "1:01", "1:35", "10:00", "0:00", "-0:03", "-1:05"]);
 });
 
 test("a number is kept between two others", () => {

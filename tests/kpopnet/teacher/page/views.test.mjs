@@ -5,13 +5,14 @@ import { allOf } from "./dom.mjs";
 
 const PAGE = "../../../../kpopnet/teacher/page/";
 const { controls, taught } = await import(`${PAGE}panels.js`);
-const { after } = await import(`${PAGE}hands.js`);
+const { after, handsSwitch, letChoose } = await import(`${PAGE}hands.js`);
 const { againAddress, asDanced, phraseAt } = await import(`${PAGE}practice.js`);
 const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
-const { menu } = await import(`${PAGE}menu.js`);
-const { myself, profilePage } = await import(`${PAGE}mine.js`);
+const { inOrder, menu } = await import(`${PAGE}menu.js`);
+const { greeting, myself, profilePage } = await import(`${PAGE}mine.js`);
 const { line } = await import(`${PAGE}result.js`);
 const { songAt, songPanel, songTempo } = await import(`${PAGE}song.js`);
+const { partBars, remember } = await import(`${PAGE}tools.js`);
 
 const OFFER = { sources: { simulated: "a simulated learner" }, skills: ["good"], faults: [""] };
 const wanting = (dance, query) => controls({ others: [], ...dance }, OFFER, new URLSearchParams(query));
@@ -25,6 +26,20 @@ test("a last phrase that is cut short can be chosen, and is what a link asks for
   assert.deepEqual(wanting({ phrase_s: 24, seconds: 5 }, "").phrase.options.map(({ value }) => value), ["", 0]);
 });
 
+test("a link that asks for a speed has it", () => {
+  remember("speed", 75);
+  assert.deepEqual(["speed=50", ""].map((query) => Number(wanting({ phrase_s: 4, seconds: 8 }, query).speed.value)), [50, 75]);
+  remember("speed", 100);
+});
+
+test("a part that was seen for some of the time says so", () => {
+  const bars = partBars(), told = (coverage) => {
+    bars.show({ "left arm": 80.4 }, { "left arm": coverage });
+    return bars.list.children.map(({ children: [, number] }) => number.textContent).join("");
+  };
+  assert.deepEqual([told(0.5), told(1)], ["80, seen 50 %", "80"]);
+});
+
 test("the next dance is a whole one", () => {
   const dances = [{ identity: "a" }, { identity: "b" }, { identity: "x", broken: "damaged" }];
   assert.deepEqual(["a", "b"].map((one) => after(dances, one).identity), ["b", "a"]);
@@ -32,6 +47,7 @@ test("the next dance is a whole one", () => {
 
 test("phrases are counted from where a recording's clock begins", () => {
   assert.deepEqual([12.3, 16.3, 20.3].map((start_s) => phraseAt(start_s, { phrase_s: 4, first_s: 12.3 })), [0, 1, 2]);
+  assert.equal(phraseAt(6.8, { phrase_s: 3.429 }), 2); // tenths are told
 });
 
 test("dancers are counted from the left of who faces the screen, with the mirror and without it", () => {
@@ -125,6 +141,7 @@ test("a song that was read more slowly than the one chosen after it leaves that 
   for (const [bpm, how] of [[124, 0], [98, 0], [101, 1]]) waiting[bpm][how]();
   await Promise.all([slow, broken, chosen]);
   assert.ok(Math.abs(songTempo() - 124) < 0.5, songTempo());
+  assert.match(panel.panel.children.find(({ id }) => id === "song-told").textContent, /^chosen: 12/);
   const silent = panel.take(file("silent", 0)); // nothing beats in it
   await new Promise(globalThis.setImmediate);
   waiting[0][0]();
@@ -150,8 +167,32 @@ test("a song that was read more slowly than the one chosen after it leaves that 
   assert.deepEqual(["slow", "broken", "chosen"].map((name) => localStorage.getItem(`teach.song.${name}`) !== null), [false, false, true]);
 });
 
-test("a song of which no beats were found in it is tapped; one that cannot be read is not", async () => {
+test("taps on the beats, from the one on, say them, again after a pause; the one is moved by beats and by a bar", () => {
   Object.assign(URL, { createObjectURL: () => "", revokeObjectURL() {} });
+  globalThis.OfflineAudioContext = class { decodeAudioData = () => new Promise(() => {}); };
+  let changed = 0;
+  const { panel, take } = songPanel(() => { changed++; }), get = (id) => allOf(panel).find((one) => one.id === id), audio = get("song");
+  const press = (id) => get(id).listeners.click(), tap = (...times_s) => times_s.forEach((at_s) => { audio.currentTime = at_s; press("tap"); });
+  const beats = () => { const { at_s, rate } = songAt(3, 0.8); return [songTempo(), at_s - 3, rate].map((one) => Number(one.toFixed(3))); };
+  Object.assign(audio, { paused: true, play() { audio.paused = false; } });
+  take({ name: "tapped", arrayBuffer: () => new Promise(() => {}) });
+  tap(1, 2, 2.5, 3); // the first one begins to play it
+  assert.equal(get("song-told").textContent, "3 of 4 taps");
+  tap(3.5);
+  assert.deepEqual([beats(), changed], [[120, 2, 0.8], 2]);
+  tap(10, 10.6, 11.2, 11.8);
+  assert.deepEqual(beats(), [100, 10, 0.8]);
+  for (const [id, one_s] of [["later", 10.6], ["bar", 13], ["earlier", 12.4]]) {
+    press(id);
+    assert.deepEqual(beats(), [100, one_s, 0.8]);
+  }
+  tap(4, 4.6); // it was sought back
+  assert.equal(get("song-told").textContent, "2 of 4 taps");
+});
+
+test("a song of which no beats were found in it is tapped; one that cannot be read is not", async () => {
+  const ended = [];
+  Object.assign(URL, { createObjectURL: () => "", revokeObjectURL: () => ended.push("file") });
   globalThis.OfflineAudioContext = class {
     decodeAudioData = async (read) => (read ? { getChannelData: () => [] } : Promise.reject(Object.assign(new Error("no sound"), { name: "EncodingError" })));
   };
@@ -160,15 +201,16 @@ test("a song of which no beats were found in it is tapped; one that cannot be re
 
     postMessage() { this.message({ data: { found: { bpm: 100, one_s: 21.6 } } }); }
 
-    terminate() {}
+    terminate() { ended.push("thread"); }
   };
   const { panel, take } = songPanel(() => {}), get = (id) => allOf(panel).find((one) => one.id === id), tools = panel.children.at(-1);
   get("song").duration = 20;
   for (const [read, told] of [[true, /tap them$/], [false, /cannot read it/]]) {
     await take({ name: "one", arrayBuffer: async () => read });
     assert.match(get("song-told").textContent, told);
-    assert.equal(tools.hidden, !read);
+    assert.deepEqual([tools.hidden, tools.open], [!read, true]);
   }
+  assert.deepEqual(ended, ["file", "thread", "file"]);
   get("song").duration = NaN;
 });
 
@@ -217,17 +259,86 @@ test("a song or a dance that is chosen again is read again", async () => {
 
 test("the line of a course has gaps where nothing was compared", () => {
   const same = (value) => value;
-  document.createElementNS = (_space, tag) => document.createElement(tag);
   assert.equal(line([0, 1, 2, 3, 4, 5], [null, 1, 2, null, 3, 4], same, same).d, "M1,1L2,2M4,3L5,4");
 });
 
 test("a try to the end of a dance is one of the whole dance, however its end was told", async () => {
   const main = document.createElement("main"), one = (day, to_s, total) => ({ session: `202603${day}-120000-000`, from_s: 0, to_s, total, phrases: [] });
-  const tries = [one("03", 4, 5), one("02", 0, 81), one("01", 60, 90)]; // the newest first
+  const tries = [one("03", 4, 5), one("02", 0, 50), one("01", 60, 100)]; // the newest first
   const dances = [{ identity: "d", name: "D", seconds: 60, phrase_s: 4, tries }];
   globalThis.fetch = async (path) => Response.json(path === "/api/profiles" ? { p_1: "Mina" } : { name: "Mina", dances });
   localStorage.setItem("teach.who", '"p_1"');
   await profilePage(main);
   localStorage.setItem("teach.who", '""');
-  assert.ok(allOf(main).some(({ textContent }) => textContent === "2 tries, best 90, last 81 on 2026-03-02 12:00"));
+  assert.ok(allOf(main).some(({ textContent }) => textContent === "2 tries, best 100, last 50 on 2 Mar 2026, 12:00"));
+  assert.equal(allOf(main).find((one) => one.class === "line").d, "M20,8L980,75"); // the newest on the right, better ones above
+});
+
+test("who comes back is told of the latest try, and who was deleted in another window is a guest", async () => {
+  const dance = (name, session) => ({ identity: name, name, seconds: 60, phrase_s: 4, tries: [{ session, total: 50, from_s: 0, to_s: 60, phrases: [] }] });
+  const dances = ["20260301", "20260303", "20260302"].map((day, k) => dance("ABC"[k], `${day}-120000-000`));
+  assert.ok(greeting({ name: "Mina", dances })[0].textContent.includes("Last: B, 50 of 100."));
+  globalThis.fetch = async () => Response.json({ p_2: "Jun" });
+  localStorage.setItem("teach.who", '"p_1"');
+  assert.equal(await myself(), null);
+  assert.equal(localStorage.getItem("teach.who"), '""');
+});
+
+test("a profile is deleted at the second press", async () => {
+  const main = document.createElement("main"), asked = [];
+  globalThis.location = { hash: "" };
+  globalThis.fetch = async (path, { method } = {}) => {
+    asked.push(`${method || "GET"} ${path}`);
+    return Response.json(path === "/api/profiles" ? { p_1: "Mina" } : { name: "Mina", dances: [] });
+  };
+  localStorage.setItem("teach.who", '"p_1"');
+  await profilePage(main);
+  const button = allOf(main).find(({ id }) => id === "delete");
+  await button.listeners.click();
+  assert.deepEqual([asked.includes("DELETE /api/profiles/p_1"), localStorage.getItem("teach.who")], [false, '"p_1"']);
+  await button.listeners.click();
+  assert.deepEqual([asked.at(-1), localStorage.getItem("teach.who")], ["DELETE /api/profiles/p_1", '""']);
+});
+
+test("one's own dances come first and damaged ones last", () => {
+  const dances = [{ name: "x", broken: "damaged" }, { name: "a", difficulty: 3, own: false }, { name: "b", difficulty: 5, own: true }, { name: "c", difficulty: 1, own: false }];
+  assert.deepEqual(["name", "difficulty"].map((order) => inOrder(dances, order).map(({ name }) => name).join("")), ["bacx", "bcax"]);
+});
+
+test("a hand is offered four dances at a time, round and round, and the menu that is left draws and opens nothing", async (t) => {
+  t.mock.timers.enable({ apis: ["setInterval"] });
+  const main = document.createElement("main"), answers = [];
+  let drawn = 0, observed = true;
+  Object.assign(globalThis, {
+    location: { hash: "" }, matchMedia: () => ({ matches: false }), getComputedStyle: () => ({ color: drawn++ }),
+    IntersectionObserver: class { observe() {} disconnect() { observed = false; } },
+  });
+  Object.assign(document, { addEventListener() {} });
+  document.body.children = [];
+  handsSwitch(() => {});
+  const dances = Array.from({ length: 8 }, (_, k) => ({ identity: `d_${k}`, name: `${k}`, difficulty: 1 + k % 2, seconds: 9, bpm: 120 }));
+  globalThis.fetch = (path, { method } = {}) => (method ? new Promise((answer) => { answers.push(answer); })
+    : Promise.resolve(Response.json(path === "/api/offer" ? { sources: { simulated: "" } } : dances)));
+  const leave = await menu(main), fields = () => document.body.children[0].children[0].children, named = () => fields().map((one) => one["data-target"][2]).join("");
+  const pages = [0, 1, 2].map(() => {
+    const shown = named();
+    fields().at(-1).click();
+    return shown;
+  });
+  assert.deepEqual(pages, ["0123r", "4567r", "0123r"]); // "r" of "more"
+  const [level, cards] = ["level", "cards"].map((id) => allOf(main).find((one) => one.id === id));
+  level.value = "1";
+  level.listeners.change();
+  assert.deepEqual(cards.children.map((card) => card["data-dance"][2]), ["0", "2", "4", "6"]);
+  const file = allOf(main).find(({ type }) => type === "file");
+  Object.assign(file, { files: [{ name: "mine.bvh" }] }).listeners.change();
+  t.mock.timers.tick(100);
+  assert.equal(drawn, 1);
+  leave();
+  for (const one of allOf(main)) one.isConnected = false;
+  answers[0](Response.json({ identity: "mine" }));
+  await new Promise(globalThis.setImmediate);
+  t.mock.timers.tick(1000);
+  assert.deepEqual([drawn, observed, location.hash], [1, false, ""]);
+  letChoose([]);
 });

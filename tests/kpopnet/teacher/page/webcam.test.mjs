@@ -18,7 +18,7 @@ test("without a person there are no points", () => {
 test("a point outside the picture, or in the bars beside a wide one, is not visible", () => {
   for (const [x, y] of [[-0.01, 0.5], [1.01, 0.5], [0.5, 1.2]]) assert.equal(pointsOf(at(x, y))[0][5], 0);
   assert.equal(pointsOf(at(0.5, 0.95))[0][5], 0.8);
-  assert.equal(pointsOf(at(0.5, 0.95), [0, 0.25])[0][5], 0);
+  for (const y of [0.05, 0.95]) assert.equal(pointsOf(at(0.5, y), [0, 0.25])[0][5], 0);
 });
 
 test("a webcam that is refused or missing is told, whatever the button of the view is called", async () => {
@@ -27,6 +27,13 @@ test("a webcam that is refused or missing is told, whatever the button of the vi
     Object.defineProperty(globalThis, "navigator", { value: { mediaDevices }, configurable: true });
     assert.match(await new Promise((failed) => { new Webcam(assert.fail, failed); }), told);
   }
+});
+
+test("the whole of a wide picture is seen, between bars whose share is told", () => {
+  let drawn;
+  const canvas = { getContext: () => ({ drawImage: (_, ...place) => { drawn = place; } }) };
+  const webcam = Object.assign(Object.create(Webcam.prototype), { pictures: [{ canvas }], video: { videoWidth: 1280, videoHeight: 720 } });
+  assert.deepEqual([webcam.draw(5), drawn, webcam.pictures[0].taken], [[0, 0.25], [0, 60, 640, 360], 5]);
 });
 
 // Workers of which each answers every message as `answers` says: not at all because it did not load, or by a message.
@@ -69,4 +76,20 @@ test("a picture is handed to the thread, and what it says of it comes back, also
   assert.deepEqual(await pose.find("canvas", 40), at(0.5, 0.5));
   await Promise.all([pose.find("canvas", 80), pose.anew()].map((one) => assert.rejects(one, /out of memory/)));
   assert.notEqual(await loadPose(), pose);
+});
+
+test("a webcam that is closed is let go of, also one that the user allows after that", async () => {
+  for (const early of [true, false]) {
+    let allow, stopped = 0;
+    const mediaDevices = { getUserMedia: () => new Promise((take) => { allow = take; }) };
+    Object.defineProperty(globalThis, "navigator", { value: { mediaDevices }, configurable: true });
+    workers([() => ({ found: {} })]);
+    const webcam = new Webcam(assert.fail, assert.fail);
+    Object.assign(webcam.video, { play: () => new Promise(() => {}) });
+    if (early) webcam.close();
+    allow({ getTracks: () => [{ addEventListener() {}, stop() { stopped += 1; } }] });
+    await new Promise(globalThis.setImmediate);
+    if (!early) webcam.close();
+    assert.equal(stopped, 1, early);
+  }
 });
