@@ -79,10 +79,10 @@ test("of an excerpt its phrases can be practised as they were danced, but for un
   await opened();
   const danced = "skill=good&fault=&dancer=1&mirrored=0", practise = (number) => `#/dance/own_001?phrase=${number}&practise=80&go&${danced}`;
   assert.deepEqual(hrefs("practise"), [practise(1), practise(2)]);
-  assert.deepEqual([get("practise-worst").href, get("again").href], [practise(2), `#/dance/own_001?phrase=1&${danced}`]);
+  assert.deepEqual([get("practise-worst").href, get("again").href], [practise(2), `#/dance/own_001?phrase=1&speed=50&${danced}`]);
   leave();
   await opened({ from_s: 0, to_s: 0, phrases: [phrase(0, 80)] });
-  assert.deepEqual([get("practise-worst"), get("again").href], [undefined, `#/dance/own_001?${danced}`]); // it reached the goal
+  assert.deepEqual([get("practise-worst"), get("again").href], [undefined, `#/dance/own_001?speed=50&${danced}`]); // it reached the goal
   leave();
 });
 
