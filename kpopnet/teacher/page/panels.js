@@ -19,6 +19,7 @@ export function controls(dance, offer, wanted) {
   for (let k = 0; practisable(k, dance); k++) phrases.push([k, say("phrase {number}, {time}", { number: k + 1, time: clock(k * dance.phrase_s) })]);
   const parts = {
     start: el("button", { class: "main", id: "start", type: "button" }, say("Start")),
+    pause: el("button", { type: "button", id: "pause", hidden: true }),
     speed: choice("speed", SPEEDS.map((one) => [one, say("{percent} %", { percent: one })]), wanted.get("speed") || remembered("speed", 100)),
     phrase: choice("phrase", phrases, wanted.get("phrase") ?? ""),
     practise: choice("practise", [["", say("off")], ...GOALS.map((one) => [one, say("until {goal}", { goal: one })])], wanted.get("practise") ?? ""),
@@ -91,7 +92,7 @@ export function panels(main, dance, parts, song) {
       el("label", {}, say("person"), parts.seed)));
   main.append(
     el("h1", {}, el("bdi", {}, dance.name), el("small", { class: "quiet" }, inStars("span", dance.difficulty), ` · ${say("{count} bpm", { count: Math.round(dance.bpm) })} · ${clock(dance.seconds)}`)),
-    el("div", { class: "controls" }, parts.start, el("label", {}, say("speed"), parts.speed), el("label", {}, say("dance"), parts.phrase),
+    el("div", { class: "controls" }, parts.start, parts.pause, el("label", {}, say("speed"), parts.speed), el("label", {}, say("dance"), parts.phrase),
       el("label", {}, say("practise"), parts.practise), el("label", {}, parts.loop, say("loop")), el("label", {}, parts.mirrored, say("as in a mirror")),
       el("label", {}, say("music"), parts.music), el("label", {}, say("camera"), parts.source), el("label", {}, say("learners"), parts.people),
       el("label", { hidden: !dance.others.length }, say("dancer"), parts.dancer), parts.full, shown.beginNow),

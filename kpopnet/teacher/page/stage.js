@@ -42,6 +42,10 @@ export async function stage(main, identity, wanted) {
 
   parts.start.addEventListener("click", () => (state.running ? stop("") : startAnew()));
   shown.beginNow.addEventListener("click", () => begin());
+  parts.pause.addEventListener("click", ({ detail }) => {
+    if (detail) parts.pause.blur(); // after the mouse, the space bar stops; after the keyboard it presses the button again
+    pause();
+  });
   parts.full.addEventListener("click", fullScreen);
   parts.practise.addEventListener("change", choosePractice);
   parts.mirrored.addEventListener("change", () => { view.mirror(parts.mirrored.checked); nameTaught(); });
@@ -387,6 +391,9 @@ export async function stage(main, identity, wanted) {
 
   function animate(now) {
     if (state.closed) return;
+    const held = state.paused_s !== null;
+    parts.pause.hidden = !held && !state.start;
+    tell(parts.pause, say(held ? "Go on" : "Pause"));
     let time_s = state.ready ? state.start_s : state.from_s;
     if (state.start) {
       const left_s = (state.start - now) / 1000;

@@ -284,6 +284,23 @@ test("shortcuts work with Caps Lock and on a Korean layout", async () => {
   leave();
 });
 
+test("a dance is paused and goes on by a button that is there while one dances", async () => {
+  const { get, leave } = await opened(), shown = () => { draw(performance.now()); return [get("pause").hidden, get("pause").textContent]; };
+  assert.equal(shown()[0], true);
+  begin(get);
+  assert.deepEqual(shown(), [false, "Pause"]);
+  get("pause").click();
+  told({ kind: "paused", from_s: 3 });
+  assert.deepEqual([asked().at(-1), ...shown()], ["pause", false, "Go on"]);
+  get("pause").click();
+  assert.deepEqual([asked().at(-1), ...shown()], ["resume", false, "Pause"]);
+  told({ kind: "away", text: "plug the camera in" });
+  assert.equal(shown()[0], true);
+  get("start").click();
+  assert.equal(shown()[0], true);
+  leave();
+});
+
 test("shortcuts of a letter can be switched off, and those of other keys stay", async () => {
   const { get, leave } = await opened(), box = get("letters");
   box.checked = false;
