@@ -180,6 +180,9 @@ def test_lateness_is_told_in_seconds_or_beats():
     assert fault.part == "timing" and fault.delay_s == pytest.approx(0.25, abs=0.01) and fault.text == "0.2 s late throughout"
     assert told(TEACHER_M, 0.25, beat_s=0.5).faults[0].text == "half a beat late throughout"
     assert told(TEACHER_M, -0.25, beat_s=0.5).faults[0].text == "half a beat early throughout"
+    teacher_m = dance_joints_m(24, 20.0)  # whose first windows match one who stands still a second later
+    stood_still = told(made.held(teacher_m, 0, 2.5), 0.25, teacher_m, beat_s=0.5).faults
+    assert [one.text for one in stood_still if one.part == "timing"] == ["half a beat late throughout"]
     held_back_m = np.concatenate([TEACHER_M[:180], np.repeat(TEACHER_M[180:181], 8, axis=0), TEACHER_M[180:-8]])
     (fault, *_) = told(held_back_m, beat_s=0.5).faults
     assert fault.direction == "late" and len(fault.starts_s) == 1 and 4.5 < fault.starts_s[0] < 7.5
