@@ -24,7 +24,7 @@ async function show(moved) {
   main.replaceChildren(place);
   try {
     let end;
-    if (kind === "dance" && name) end = afterDance(await result(place, identity, name), await byHand(place, identity));
+    if (kind === "dance" && name) end = afterDance(await result(place, identity, name), await byHand(place, identity).catch(() => () => {})); // the result stays without
     else if (kind === "me") end = await profilePage(place);
     else if (kind === "record") end = await record(place);
     else if (kind === "calibrate") end = await calibrate(place);
