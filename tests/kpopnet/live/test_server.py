@@ -3,8 +3,12 @@
 import asyncio
 import contextlib
 import json
+import multiprocessing
+import os
+import signal
 import time
 from functools import partial
+from itertools import product
 
 import numpy as np
 import pytest
@@ -141,6 +145,8 @@ def test_a_camera_that_is_unplugged_goes_on_and_the_program_ends_when_all_is_sav
             await page.until(lambda seen: not seen["state"]["text"] and seen["frame"]["time_s"] > last)
             await page.order("joints", True)
             await page.until(lambda seen: two_people(seen) and (seen["frame"]["joints"] or {}).get("images"))
+            for child, number in product(multiprocessing.active_children(), (signal.SIGINT, signal.SIGHUP)):
+                os.kill(child.pid, number)  # as a terminal that is closed does to all of its processes
         ends_s.append(time.monotonic())
 
     with_client(watched(tmp_path, open_camera=partial(open_unsteady_recording, tmp_path)), work)
