@@ -8,6 +8,7 @@ import pytest
 from programs import run_program
 
 from kpopnet.networks.over_time import Measured
+from tools.over_time import report
 
 
 def write_film(folder, number, noise_m=0.03, frames=64):
@@ -21,6 +22,21 @@ def write_film(folder, number, noise_m=0.03, frames=64):
         film |= {prefix + name: value for name, value in zip(Measured._fields, values, strict=True)}
     folder.mkdir(exist_ok=True)
     np.savez(folder / f"film_{number:05d}.npz", **film)
+
+
+def test_the_interval_of_a_difference_counts_the_films_that_show_it(capsys):
+    none = [(0.0, 0)] * 5
+
+    def difference(new, old):
+        report({name: [{"cm": film} for film in films] for name, films in (("new", new), ("old", old))}, "new", "old")
+        return capsys.readouterr().out.splitlines()[1].partition("difference ")[2]
+
+    few = difference([(float(value), 1) for value in range(5)], [(0.0, 1)] * 5)
+    mean, low, high = map(float, re.fullmatch(r"(.*) \((.*) to (.*)\)", few).groups())
+    # Student's interval is 3.9 wide, plain percentiles 2.4.
+    assert mean == 2 and 3.2 < high - low < 4
+    assert difference([(20.0, 2), (30.0, 1), *none], [(4.0, 2), (5.0, 1), *none]) == "+13.67"
+    assert difference(none, none) == "+nan"
 
 
 @pytest.mark.parametrize("form", [(), ("--future",)], ids=["causal", "future"])

@@ -20,7 +20,7 @@ import torch
 from torch import Tensor, nn
 
 from kpopnet.errors import InputError
-from kpopnet.evaluation.intervals import FEWEST_UNITS
+from kpopnet.evaluation.intervals import Bootstrap, interval_of
 from kpopnet.networks.over_time import BASES, CHILDREN, FEATURES, PARENTS, Measured, OverTime, read
 from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.runtime.endings import user_errors
@@ -41,7 +41,7 @@ AVERAGE_RATE = 0.02
 
 ENDS = [Joint.RIGHT_HAND, Joint.LEFT_HAND, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
 HANDS, CORE = ENDS[:2], [joint for joint in range(NUM_JOINTS) if joint not in ENDS]
-FPS, REST_FRAMES, REST_M, FAST_M_S, RESAMPLES = 30.0, 10, 0.006, (1.5, 2.5), 1000
+FPS, REST_FRAMES, REST_M, FAST_M_S = 30.0, 10, 0.006, (1.5, 2.5)
 
 
 def films_in(folder: Path, mirrored: bool) -> list[dict[str, np.ndarray]]:
@@ -203,22 +203,24 @@ def rest(joints_m: np.ndarray, film: dict[str, np.ndarray], near: np.ndarray) ->
 
 
 def report(by_name: dict[str, list[dict[str, tuple[float, float]]]], new: str, old: str) -> None:
-    """Prints every figure of all, then the differences new - old, with intervals over films where there are enough of them."""
-    rng, films = np.random.default_rng(0), len(by_name[new])
-    rows = [np.arange(films), *(rng.integers(films, size=films) for _ in range(RESAMPLES))]
+    """Prints every figure of all, then the differences new - old, with intervals over films where enough of them count."""
+    films = len(by_name[new])
+    bootstrap = Bootstrap(np.arange(films), SEED)
 
     def values(name: str, key: str) -> np.ndarray:
-        sums = np.array([film[key] for film in by_name[name]])
-        total, count = np.array([sums[row].sum(axis=0) for row in rows]).T
-        mean = total / np.maximum(count, 1)
+        """Over all films, then over those of each resample; NaN where nothing counts."""
+        sums = np.array([film[key] for film in by_name[name]], float)
+        total, count = np.concatenate([sums.sum(axis=0, keepdims=True), bootstrap.sums(sums)]).T
+        mean = np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
         return np.sqrt(mean) if "RMS" in key else mean
 
     print(f"{films} films, SIMULATED; the difference is {new} - {old}")
     for key in by_name[new][0]:
         change = values(new, key) - values(old, key)
-        low, high = np.percentile(change[1:], (2.5, 97.5))
         each = ", ".join(f"{name} {values(name, key)[0]:.2f}" for name in by_name)
-        interval = f" ({low:+.2f} to {high:+.2f})" if films >= FEWEST_UNITS else ""
+        counted = sum(one[key][1] > 0 and other[key][1] > 0 for one, other in zip(by_name[new], by_name[old], strict=True))
+        found = interval_of(change[1:], counted)
+        interval = " ({:+.2f} to {:+.2f})".format(*found) if found else ""
         print(f"{key}: {each}; difference {change[0]:+.2f}{interval}")
 
 
