@@ -5,9 +5,9 @@ success of the confidence.
 
 - Calibration: the reliability diagram, and the expected calibration error (Guo et al. 2017), the mean distance between the two
   axes of the diagram, weighted by the number of joints.
-- Ranking: the risk-coverage curve (Geifman & El-Yaniv 2017). The area below it is its mean over all shares: at worst about the
-  mean error of all joints, at best that of a confidence that orders joints by their true error. Joints of equal confidence
-  count with their mean error.
+- Ranking: the risk-coverage curve (Geifman & El-Yaniv 2017). The area below it is its mean over all shares: the mean error of
+  all joints for a confidence that tells nothing, more for one that is misleading, and least for one that orders joints by their
+  true error. Joints of equal confidence count with their mean error.
 
 A data set that defines a joint elsewhere than the estimator does lowers the calibration: the confidence cannot know the offset.
 """
