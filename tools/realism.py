@@ -4,7 +4,8 @@
 
 Writes realism.txt, realism.json and realism.png to outputs/realism. Run from the root of a checkout with `PYTHONPATH=.`.
 A line is a statistic: its median and quartiles over real and over generated frames after sensor and segmentation (of yes or no
-the share and its 95 % interval), and the gap of the medians in real interquartile ranges.
+the share and Wilson's 95 % interval, which takes frames for independent: over other people shares vary more), and the gap of
+the medians in real interquartile ranges.
 """
 
 import argparse
@@ -305,7 +306,9 @@ def read_film_noise(folder: Path) -> list[tuple[float, float]]:
 
 
 def summary(values: np.ndarray) -> list[float]:
-    """Median, quartiles and number of values, of bool values the share with its 95 % interval; empty without values."""
+    """Median, quartiles and number of values, of bool values the share with its 95 % interval, as of independent ones; empty
+    without values.
+    """
     count = len(values)
     if not count:
         return []
