@@ -37,7 +37,7 @@ def read_folder(folder: Path, key: str | None) -> Recording:
             f"{folder}: no image named {key or '*'} in it; expected 16-bit PNG, TIFF or PGM files of depth"
             + (f"; perhaps a folder in it is meant: {inner}" if inner else "")
         )
-    series = dict.fromkeys(re.sub(r"[0-9]+", "#", path.stem) for path in paths)
+    series = dict.fromkeys(re.sub(r"\d+", "#", path.stem) for path in paths)
     if key is None and len(series) > 1:
         raise InputError(
             f"{folder}: images of {len(series)} kinds of names ({names_in(series)}; # is a number), not of one recording; "
@@ -84,10 +84,10 @@ def read_images(paths: Sequence[Path], camera_file: Path | None = None, times_s:
     return Recording(images, width, height, len(paths), rate(times_s), camera, lens)
 
 
-NUMBERS = re.compile(r"((?<![0-9])[0-9]{9,10}\.[0-9]+|[0-9]+)")
-"""Numbers in a name: seconds since 1970 with a fraction, as of time.time(), and whole ones."""
+NUMBERS = re.compile(r"((?<!\d)\d{9,10}\.\d+|\d+)")
+"""Numbers in a name, also in wide digits: seconds since 1970 with a fraction, as of time.time(), and whole ones."""
 
-DECIMALS = re.compile(r"([0-9]+\.[0-9]+|[0-9]+)")
+DECIMALS = re.compile(r"(\d+\.\d+|\d+)")
 FRACTION = re.compile(r"(?<![0-9])(?<![0-9]\.)[0-9]+\.([0-9]+)(?!\.?[0-9])")
 """What stands behind the point of a number with one point."""
 

@@ -77,6 +77,12 @@ def test_images_named_by_decimals_or_by_numbers_of_numbers_are_in_their_order(na
     np.testing.assert_array_equal(read(tmp_path, CAMERA, key="*")[1], METRES[: len(names)])
 
 
+def test_images_numbered_in_wide_digits_are_in_the_order_of_their_numbers(tmp_path):
+    for name, image in zip(("２", "１０", "１１"), MILLIMETRES, strict=False):
+        Image.fromarray(image).save(tmp_path / f"{name}.png")
+    np.testing.assert_array_equal(read(tmp_path, CAMERA)[1], METRES[:3])
+
+
 def test_names_that_may_be_decimals_are_refused(tmp_path):
     for name in ("1.8", "1.9", "1.11"):
         Image.fromarray(MILLIMETRES[0]).save(tmp_path / f"{name}.png")
