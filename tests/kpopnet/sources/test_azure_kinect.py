@@ -50,7 +50,7 @@ def test_the_calibration_is_what_the_makers_program_makes_of_it(tmp_path):
 
 
 def attachment(lens):
-    return json.dumps(calibration(lens)).encode()
+    return json.dumps(calibration(lens)).encode() + b"\0"  # as the maker's recorder ends it
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,9 @@ IMAGES = depth_mm(4)
 
 
 def test_tum(tmp_path):
-    source = open_depth(write_tum(tmp_path / "mine", IMAGES), CAMERA)
+    index = write_tum(tmp_path / "mine", IMAGES) / "depth.txt"
+    index.write_text(index.read_text() + "\n")  # an empty line
+    source = open_depth(tmp_path / "mine", CAMERA)
     images = list(source.timed())
     np.testing.assert_allclose([image.depth_m for image in images], IMAGES / 5000, rtol=1e-6)
     np.testing.assert_allclose([image.time_s for image in images], np.arange(4) / FPS, atol=1e-5)
@@ -23,6 +25,10 @@ def test_tum(tmp_path):
             open_depth(tmp_path / "mine", CAMERA, depth_scale=scale)
     with pytest.raises(InputError, match="does not state its camera"):
         open_depth(tmp_path / "mine")
+    for place in ("../mine/depth/0.png", tmp_path / "mine" / "depth" / "0.png", ""):
+        index.write_text(f"1.5 {place}\n")
+        with pytest.raises(InputError, match=r"depth\.txt: line 1: expected the path of an image in this folder"):
+            open_depth(tmp_path / "mine", CAMERA)
     vga = np.tile(IMAGES, (1, 10, 10))
     assert open_depth(write_tum(tmp_path / "rgbd_dataset_freiburg3_sitting_static", vga)).camera == TUM_CAMERA
 

@@ -94,7 +94,7 @@ def test_a_file_gives_what_was_sent(tmp_path):
     with pytest.raises(InputError, match="states the unit of its depth; leave --depth-scale out"):
         open_depth(tmp_path / "b.depth", depth_scale=250)
     at_s = 1.7e9 + np.arange(len(IMAGES)) / FPS  # of the day's clock
-    for unknown in ([], [0, 3]):  # the rate of the others tells them all
+    for unknown in ([], [0, 3], [1, 5]):  # the rate of the others tells them all
         at_s[unknown] = math.nan
         (tmp_path / "c.depth").write_bytes(sent_line() + b"".join(map(sent_image, IMAGES, at_s)))
         times_s = [one.time_s for one in open_depth(tmp_path / "c.depth").timed()]
@@ -131,6 +131,7 @@ def test_after_a_stall_times_do_not_run_back():
     taken_s = np.array([clock.moment(*one) for one in zip(stated_s, arrived_s, strict=True)])
     assert (np.diff(taken_s) > 0).all() and (taken_s <= arrived_s).all()
     np.testing.assert_array_equal(taken_s[45:], stated_s[45:])
+    assert clock.moment(stated_s[-1], arrived_s[-1] + 0.01) == arrived_s[-1] + 0.01  # the same time is stated twice
 
 
 def test_a_sender_of_metres_as_integers_is_refused_and_a_hand_before_the_camera_ends_nothing(sender):

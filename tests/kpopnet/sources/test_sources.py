@@ -39,6 +39,7 @@ def test_a_file_that_tells_its_camera_needs_nothing_else(write, name, tmp_path):
     path = write(tmp_path / name, MILLIMETRES)
     if name == "images":
         (path / "camera.json").write_text(json.dumps(vars(CAMERA)))
+        (path / "._depth0.png").write_bytes(b"what macOS puts beside a file")
     source, images = read(path, in_child=name == "a.npz")
     np.testing.assert_array_equal(images, METRES)
     assert source.camera == CAMERA and source.frames == len(METRES)
@@ -58,6 +59,12 @@ def test_tiff_npy_and_single_images_take_the_camera_given(tmp_path):
     Image.fromarray(MILLIMETRES[3]).save(tmp_path / "one.png")
     for name, expected in (("tiffs", METRES), ("a.npy", METRES), ("one.npy", METRES[3:4]), ("one.png", METRES[3:4])):
         np.testing.assert_array_equal(read(tmp_path / name, CAMERA)[1], expected)
+
+
+def test_an_array_in_the_order_of_fortran_is_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.asfortranarray(MILLIMETRES))
+    with pytest.raises(InputError, match=r"a\.npy: stored in Fortran order; save it again"):
+        list(open_depth(tmp_path / "a.npy", CAMERA))
 
 
 @pytest.mark.parametrize(
@@ -204,7 +211,7 @@ def test_the_array_is_the_named_one_the_known_one_or_the_only_one(tmp_path):
     np.testing.assert_array_equal(read(tmp_path / "a.npz", CAMERA, key="infrared")[1], other)
     with h5py.File(tmp_path / "b.h5", "w") as file:
         file["data"], file["is_valid"] = METRES.astype(np.float16), np.zeros(12)
-        file["second/depth"], file["second/times_s"] = other, np.arange(12) / 20
+        file["second/depth"], file["second/times_s"] = other, np.arange(13) / 20  # as a writer leaves it that is killed
         file["elsewhere"] = h5py.ExternalLink("c.h5", "depth")
     np.testing.assert_allclose(read(tmp_path / "b.h5", CAMERA, key="data")[1], METRES, rtol=1e-3)
     source, images = read(tmp_path / "b.h5", CAMERA, key="second/depth")
@@ -212,6 +219,11 @@ def test_the_array_is_the_named_one_the_known_one_or_the_only_one(tmp_path):
     assert source.fps == pytest.approx(20)
     with pytest.raises(InputError, match=r"no array elsewhere .* it holds data \(12, 48, 64\)"):
         open_depth(tmp_path / "b.h5", CAMERA, key="elsewhere")
+    (tmp_path / "raw").write_bytes(METRES.tobytes())
+    with h5py.File(tmp_path / "outside.h5", "w") as file:
+        file.create_dataset("depth", METRES.shape, "f4", external=[(str(tmp_path / "raw"), 0, METRES.nbytes)])
+    with pytest.raises(InputError, match=r"outside\.h5: depth lies in another file"):
+        open_depth(tmp_path / "outside.h5", CAMERA)
     np.savez(tmp_path / "c.npz", one=METRES, two=other)
     with pytest.raises(InputError, match=r"several arrays could be depth.*one \(12, 48, 64\), two"):
         open_depth(tmp_path / "c.npz", CAMERA)
@@ -260,7 +272,7 @@ def test_a_file_that_is_cut_while_it_is_read_is_refused(tmp_path):
         list(images)
 
 
-def test_an_image_or_an_array_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path):
+def test_an_image_or_an_array_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path, monkeypatch):
     Image.new("I;16", (64, 48)).save(tmp_path / "a.png")
     content = bytearray((tmp_path / "a.png").read_bytes())
     content[16:24] = (40_000).to_bytes(4, "big") * 2
@@ -273,11 +285,22 @@ def test_an_image_or_an_array_that_claims_too_much_is_refused_before_memory_is_t
         archive.writestr("depth.npy", header)
     with h5py.File(tmp_path / "d.h5", "w") as file:
         file.create_dataset("depth", (9, 40_000, 40_000), "u2", chunks=(1, 40_000, 40_000))
+    with h5py.File(tmp_path / "e.h5", "w") as file:  # whose images are small, but are unpacked together
+        file.create_dataset("depth", (9000, 48, 64), "f8", chunks=(9000, 48, 64), compression="gzip")
+    monkeypatch.setenv("KPOPNET_FILE_BUDGET_GB", "0.1")
     tracemalloc.start()
-    for name in ("a.png", "b.npy", "c.npz", "d.h5"):
+    for name in ("a.png", "b.npy", "c.npz", "d.h5", "e.h5"):
         assert is_refused(lambda name=name: list(open_depth(tmp_path / name, CAMERA))), name
     assert tracemalloc.get_traced_memory()[1] < 50e6
     tracemalloc.stop()
+
+
+def test_a_recording_that_does_not_end_is_refused(tmp_path, monkeypatch):
+    np.save(tmp_path / "a.npy", MILLIMETRES)
+    source = open_depth(tmp_path / "a.npy", CAMERA)
+    monkeypatch.setattr("kpopnet.sources.source.MAX_FRAMES", 3)
+    with pytest.raises(InputError, match=r"a\.npy: more than 3 images; cut it into parts"):
+        list(source)
 
 
 @pytest.mark.parametrize(("write", "name"), [(write_npz, "a.npz"), (write_hdf5, "a.h5")])
