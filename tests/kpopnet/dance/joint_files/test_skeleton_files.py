@@ -54,6 +54,24 @@ def test_a_gltf_file_holds_the_dance(tmp_path, in_bvh, name, options):
     if path.name == "b.gltf":
         (tmp_path / "my%20buffer.bin").rename(tmp_path / "my buffer.bin")
     assert_same_dance(path, in_bvh)
+    if options.get("interpolation") != "STEP":
+        between_m = (in_bvh.joints_m[:-1] + in_bvh.joints_m[1:]) / 2
+        np.testing.assert_allclose(read_performance(path).joints_m[1::2], between_m, atol=0.012)
+
+
+def test_of_several_animations_in_a_gltf_file_the_longest_is_the_dance(tmp_path, in_bvh):
+    def with_a_pose(content):
+        """A short animation before the dance, and another after it: its first three keys."""
+        (dance,), own = content["animations"], {}
+        for sampler in dance["samplers"]:
+            for number in (sampler["input"], sampler["output"]):
+                if number not in own:
+                    own[number] = len(content["accessors"])
+                    content["accessors"].append(content["accessors"][number] | {"count": 3})
+        samplers = [one | {"input": own[one["input"]], "output": own[one["output"]]} for one in dance["samplers"]]
+        content["animations"] = [dance | {"samplers": samplers}, dance, dance | {"samplers": samplers}]
+
+    assert_same_dance(write_gltf(tmp_path / "a.glb", DANCE, change=with_a_pose), in_bvh)
 
 
 def bent(motion, bone, degrees):
@@ -225,7 +243,8 @@ def test_a_vmd_motion_is_danced_by_the_mean_adult(tmp_path):
 
 
 def test_knees_bend_forwards_where_the_hips_sink_above_planted_feet(tmp_path):
-    keys = {"左腕": [(0, *REST)], "右腕": [(0, *REST)], "センター": [(0, *REST), (60, (0, -4, 0), (0, 0, 0, 1))]}
+    sinks = [(0, *REST), (60, (0, 9, 0), (0, 0, 0, 1)), (60, (0, -4, 0), (0, 0, 0, 1))]  # of two keys the last one counts
+    keys = {"左腕": [(0, *REST)], "右腕": [(0, *REST)], "センター": sinks}
     curve = (0, 100, 30, 127)  # fast at first
     read = read_performance(write_vmd(tmp_path / "a.vmd", keys, curve))
     t = np.linspace(0, 1, 100_001)

@@ -23,6 +23,7 @@ def recording() -> Performance:
     joints_m = dance_joints_m(3).copy()
     joints_m[40:60, Joint.LEFT_HAND] = np.nan
     confidence = np.random.default_rng(0).uniform(0.2, 1, joints_m.shape[:2])
+    confidence[70, Joint.RIGHT_HAND] = 0.00045  # hardly seen, but seen
     return Performance(joints_m, 5 + np.arange(len(joints_m)) / 30, confidence)
 
 
