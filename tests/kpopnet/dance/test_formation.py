@@ -120,7 +120,14 @@ def test_a_room_of_less_than_half_a_stage_is_too_small():
     assert found.spread == pytest.approx(1 / MOST_SPREAD) and found.similarity < 90
 
 
+def test_two_in_a_smaller_room_are_right_too():
+    found = graded(group(spread=0.7)[:2], group()[:2])
+    assert found.similarity == pytest.approx(100, abs=0.1) and found.spread == pytest.approx(0.7, rel=1e-3)
+
+
 def test_a_fault_after_a_free_part_counts_and_is_told_at_the_time_of_the_dance():
     assert graded(aside(1.2), free_s=[(0.0, 4.0)]).similarity < graded(aside(1.2)).similarity - 10
+    until = graded(aside(1.2), free_s=[(0.0, FAULT_S[0])])  # it is free no longer than it says
+    assert until.remarks[-1][1] == pytest.approx(FAULT_S[0], abs=0.1)
     later = [[performed(one, delay_s=5.0) for one in dancers] for dancers in (group(), aside(1.2))]
     assert formation(*later).remarks[-1][1] == pytest.approx(FAULT_S[0] + 5, abs=0.1)

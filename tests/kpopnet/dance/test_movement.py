@@ -51,7 +51,7 @@ def test_lateness_costs_rhythm_and_is_told_in_seconds():
 
 def test_an_unsteady_dancer_is_told_from_a_steady_one():
     steady, unsteady = (scored(made.good(TEACHER_M, 1, 0.0, spread_s)).rhythm(BEATS_S) for spread_s in (0.01, 0.1))
-    assert unsteady.spread_s > steady.spread_s + 0.02 and unsteady.figure < steady.figure - 10
+    assert steady.spread_s + 0.02 < unsteady.spread_s < 0.1 and unsteady.figure < steady.figure - 10
     assert str(steady) == "steadily on the beat" and str(unsteady).startswith("unsteadily")
     assert scored(TEACHER_M).rhythm(BEATS_S).spread_s == 0  # no less steady than the teacher, whose accents are beside the beat
 

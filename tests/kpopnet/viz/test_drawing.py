@@ -5,7 +5,7 @@ import pytest
 
 from kpopnet.camera import Camera
 from kpopnet.skeleton import Joint
-from kpopnet.viz.drawing import BACKGROUND, ESTIMATED, depth_rgb, draw_skeleton, person_view, save_png
+from kpopnet.viz.drawing import BACKGROUND, ESTIMATED, depth_rgb, draw_skeleton, person_view, save_png, with_captions
 
 CAMERA = Camera.centred(100.0, 80, 60)
 
@@ -38,6 +38,20 @@ def test_near_depth_is_lighter_than_far_and_missing_depth_is_background():
     greys = depth_rgb(depth)
     assert tuple(greys[0, 0]) == BACKGROUND
     assert (np.diff(greys[1, 1:5, 0].astype(int)) < 0).all() and greys[1, 4, 0] > BACKGROUND[0]
+    wall = depth_rgb(np.array([[2.0, 2.01]]))[0, :, 0].astype(int)
+    assert 0 < wall[0] - wall[1] < 10  # the noise of a wall is no relief
+
+
+def test_who_is_behind_the_camera_is_not_drawn():
+    image = np.zeros((60, 80, 3), np.uint8)
+    draw_skeleton(image, np.full((15, 3), [0.1, 0.1, -2.0]), CAMERA, ESTIMATED)
+    assert not image.any()
+
+
+def test_a_caption_that_is_too_long_is_written_smaller():
+    strip = with_captions(np.zeros((1, 100, 3), np.uint8), ("image 120, 4.00 s, mean error",))[1:]
+    columns = np.flatnonzero((strip != BACKGROUND).any(axis=(0, 2)))
+    assert columns[0] >= 4 and columns[-1] < 98
 
 
 def test_person_view_has_a_consistent_camera_even_across_the_image_border():

@@ -71,3 +71,6 @@ def test_a_gif_shows_every_frame_for_its_time(tmp_path):
         assert (gif.n_frames, gif.size, gif.info["duration"], gif.info["loop"]) == (6, (320, 240), 100, 0)
         gif.seek(4)
         assert np.abs(np.asarray(gif.convert("RGB"), float) - resized(images[4], 320)).mean() < 6
+    save_gif(tmp_path / "fast.gif", images[:2], 1 / 90)  # which browsers would show at a tenth of a second each
+    with Image.open(tmp_path / "fast.gif") as gif:
+        assert gif.info["duration"] == 20

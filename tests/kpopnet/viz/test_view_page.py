@@ -1,5 +1,6 @@
 """The page in 3D: complete in itself, small, and its program shows the joints that it was given."""
 
+import base64
 import json
 import re
 import shutil
@@ -121,7 +122,12 @@ def test_a_long_recording_of_two_people_stays_below_ten_megabytes():
     frames = 60_000
     clouds = [Cloud(k, np.zeros((2500, 3), np.float32)) for k in cloud_frames(frames)]
     people = [Shown(np.zeros((frames, 15, 3)), np.ones((frames, 15)))] * 2
-    assert len(clouds) <= 300 and len(view_page("long", CAMERA, np.arange(frames) / 30, people, clouds)) < 10_000_000
+    page = view_page("long", CAMERA, np.arange(frames) / 30, people, clouds)
+    assert len(clouds) <= 300 and len(page) < 10_000_000
+    (shown,) = re.findall(r'"clouds":\{"frames":(\[[0-9,]*\])', page)
+    kept = len(base64.b64decode(re.search('"times":"([^"]*)"', page)[1])) // 4
+    step = round(frames / kept)
+    assert step > 1 and json.loads(shown) == [cloud.frame // step for cloud in clouds]
 
 
 def test_a_cloud_is_denser_on_people_and_bounded():
@@ -132,4 +138,5 @@ def test_a_cloud_is_denser_on_people_and_bounded():
     assert len(cloud.points_camera_m) == 5000
     on_person = (cloud.points_camera_m[:, 2] < 5).mean()
     assert on_person > 3 * (person_m > 0).mean() and (cloud.points_camera_m[:, 2] > 5).any()
-    assert len(sampled_cloud(0, np.zeros_like(depth_m), CAMERA, [], 1).points_camera_m) == 0
+    for nothing in (0, 40):  # m: not measured, or farther than the page can hold
+        assert len(sampled_cloud(0, np.full_like(depth_m, nothing), CAMERA, [], 1).points_camera_m) == 0
