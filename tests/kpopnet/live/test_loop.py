@@ -15,6 +15,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.live import keeping, loop
 from kpopnet.live.loop import Watcher, Watching
+from kpopnet.live.streams import Seen
 from kpopnet.pose import PersonPose
 from kpopnet.sources.live import Image
 from kpopnet.sources.source import CameraAwayError, LiveCamera
@@ -146,7 +147,7 @@ def test_a_recording_that_ends_while_kernels_are_compiled_gives_its_last_image(w
     streamed = []
     monkeypatch.setattr(loop, "open_stream", lambda *given: contextlib.nullcontext(streamed.append))
     watch(Images([0.0]), {})
-    assert [(one.number, len(one.people)) for one in streamed] == [(0, 2)]
+    assert [(one.number, [person.identity for person in one.people]) for one in streamed] == [(0, [1, 2])]
     watch(Images(np.arange(5) / 10), {})
     assert [one.number for one in streamed[1:]] == [0, 1, 2, 3]
 
@@ -158,6 +159,15 @@ def test_joints_that_could_not_be_saved_are_not_begun(watch, in_turn, tmp_path):
     assert failed.startswith("not saved: ") and not any(content["keeping"] for kind, content in told if kind == "state")
 
 
+def test_joints_that_cannot_be_written_are_kept_for_as_long_as_a_dance_may_last(monkeypatch, tmp_path):
+    monkeypatch.setattr(keeping, "MAX_DURATION_S", 0.5)
+    keeper = keeping.JointKeeper(tmp_path)
+    keeper.start()
+    for number, time_s in enumerate((0.0, 0.5, 0.6)):
+        keeper.add(Seen(number, time_s, 10.0, []))
+    assert keeper.state == {"images": 2, "seconds": 0.5}
+
+
 def test_a_disk_that_is_gone_when_a_recording_ends_is_told_and_the_next_one_begins_anew(monkeypatch, tmp_path):
     camera, depth_m = CAMERAS["eval"], np.ones((240, 320), np.float32)
     recorder, close = keeping.DepthRecorder(tmp_path, camera), keeping.DepthWriter.close
@@ -167,7 +177,7 @@ def test_a_disk_that_is_gone_when_a_recording_ends_is_told_and_the_next_one_begi
         raise RuntimeError("Can't decrement id ref count")
 
     recorder.start()
-    for taken in (5.0, 63.0):
+    for taken in (5.0, 63.0, 63.0):  # no file may hold a time twice
         recorder.add(Image(depth_m, taken))
     monkeypatch.setattr(keeping.DepthWriter, "close", gone)
     recorder.stop()

@@ -97,8 +97,8 @@ def test_a_camera_that_ends_in_mid_dance_is_not_called_slow(dance):
     assert not any("images a second" in hint for hint in told["hints"])
 
 
-@pytest.mark.parametrize(("took_s", "most"), [(0.0, 24), (0.1, 6)])
-def test_words_that_take_long_are_new_less_often(dance, monkeypatch, took_s, most):
+@pytest.mark.parametrize(("took_s", "fps", "speed", "most"), [(0.0, 30.0, 1.0, 24), (0.1, 30.0, 1.0, 6), (0.0, 10.0, 0.5, 48)])
+def test_words_that_take_long_are_new_less_often(dance, monkeypatch, took_s, fps, speed, most):
     moments_s = [0.0]
 
     def words(_) -> str:
@@ -107,7 +107,7 @@ def test_words_that_take_long_are_new_less_often(dance, monkeypatch, took_s, mos
 
     monkeypatch.setattr(live_score, "latest_words", words)
     monkeypatch.setattr(live_score.time, "perf_counter", lambda: moments_s[-1])
-    danced(dance, 30.0)
+    danced(dance, fps, speed=speed)
     assert most / 2 < len(moments_s) - 1 <= most
 
 
@@ -187,6 +187,13 @@ def test_each_move_is_scored_once_soon_after_its_end(dance):
         assert one["end_s"] == pytest.approx(one["number"] * each_s)
         assert 0 <= time_s - one["end_s"] < 1 / dance.fps
         assert one["total"] > 99 and one["words"] == ""
+
+
+def test_a_last_move_that_ends_just_after_the_dance_is_scored(dance):
+    each_s = move_s(dance)
+    whole = excerpt(dance.performance, 0.0, 2 * each_s + 0.1)
+    for after_s, numbers in ((0.01, [1, 2]), (0.05, [1])):
+        assert [one["number"] for _, one in verdicts(dance, whole, 2 * each_s - after_s)] == numbers
 
 
 @pytest.mark.parametrize("identity", ["dance_001", "dance_002"])

@@ -35,6 +35,8 @@ def standing(z_m: float, x_m: float = 0.0) -> np.ndarray:
         (standing(2.5), SURE, ""),
         (np.full((15, 3), np.nan), 0 * SURE, "no person seen"),
         (standing(1.7), SURE, "step back"),
+        (standing(2.0) + np.array([0, 0.08, 0]), SURE, "step back"),  # the feet are out, and there is no room above the head
+        (standing(2.0) - np.array([0, 0.1, 0]), SURE, "step back"),  # the head alone is out
         (standing(5.0), SURE, "come closer"),
         (standing(2.5) + np.array([0, 0.4, 0]), SURE, "your feet are hidden"),
         (standing(2.5), np.where(np.arange(15) < 13, 1, 0.1), "your feet are hidden"),
