@@ -63,6 +63,14 @@ def test_other_contents_are_refused(tmp_path, arrays, attributes, message):
         pass
 
 
+def test_a_link_to_another_file_is_refused(tmp_path):
+    write(tmp_path / "other.h5")
+    with h5py.File(write(tmp_path / "x.h5", a=None), "a") as file:
+        file["a"] = h5py.ExternalLink("other.h5", "a")
+    with pytest.raises(InputError, match=r"x\.h5: a lies in another file"), open_hdf5(tmp_path / "x.h5", SCHEMA):
+        pass
+
+
 def test_a_missing_or_damaged_file_is_refused_with_the_remedy(tmp_path):
     path = write(tmp_path / "x.h5")
     whole = path.read_bytes()

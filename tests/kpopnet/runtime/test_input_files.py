@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import ArraySchema, open_npy, parse_json, read_text, settings_from
+from kpopnet.runtime.input_files import ArraySchema, names_in, open_npy, parse_json, read_text, settings_from
 
 
 @dataclass
@@ -48,6 +48,22 @@ def test_nan_and_infinity_are_numbers_only_where_they_are_allowed():
     for text in ("NaN", "Infinity", "1e999"):
         with pytest.raises(InputError, match="not a finite number"):
             parse_json(text, "f", non_finite=text == "1e999")
+
+
+def test_the_largest_integers_and_the_deepest_brackets_are_read_and_no_larger_and_deeper_ones():
+    for number in (2**64 - 1, -(2**63)):
+        assert parse_json(str(number), "f") == number
+    for number in (2**64, -(2**63) - 1):
+        with pytest.raises(InputError, match="does not fit into 64 bits"):
+            parse_json(str(number), "f")
+    assert parse_json("[" * 64 + "]" * 64, "f")
+    with pytest.raises(InputError, match="at most 64 levels"):
+        parse_json("[" * 65 + "]" * 65, "f")
+
+
+def test_of_many_names_ten_are_listed():
+    assert names_in(map(str, range(10))) == "0, 1, 2, 3, 4, 5, 6, 7, 8, 9"
+    assert names_in(map(str, range(13))).endswith("8, 9 and 3 more")
 
 
 @pytest.mark.parametrize(

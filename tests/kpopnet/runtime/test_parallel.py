@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from kpopnet.errors import InputError
-from kpopnet.runtime.parallel import in_processes
+from kpopnet.runtime.parallel import POLL_S, in_processes
 
 
 def test_every_item_is_done_once_and_what_the_work_raises_goes_through():
@@ -30,10 +30,19 @@ def test_here_the_work_has_one_thread_and_leaves_the_others_as_they_were():
     assert seen == [(1, 1), (1, 1)] and (torch.get_num_threads(), cv2.getNumThreads()) == before
 
 
-def test_other_processes_have_one_thread_and_this_environment_stays():
-    before = dict(os.environ)
-    counts = dict(in_processes(os.getenv, ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"], 2))
+def variable(name: str, count) -> str | None:
+    """A variable of the environment, in two units of work."""
+    count()
+    time.sleep(2 * POLL_S)
+    count()
+    return os.getenv(name)
+
+
+def test_other_processes_have_one_thread_and_tell_how_far_they_are_and_this_environment_stays():
+    before, done = dict(os.environ), []
+    counts = dict(in_processes(variable, ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"], 2, done.append))
     assert counts == {0: "1", 1: "1"} and dict(os.environ) == before
+    assert sum(done) == 4
 
 
 def asleep(seconds: float, count) -> None:
