@@ -19,11 +19,24 @@ from teacher_page import PATIENCE_S, with_its_client
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from kpopnet.teacher import film
-from kpopnet.teacher.film import COLOURS, FPS, MOST_S, PANEL_PX, Filming, drawn, make_film, skinned, write_film
+from kpopnet.teacher.film import (
+    AMBIENT,
+    COLOURS,
+    FPS,
+    LIGHT,
+    MOST_S,
+    PANEL_PX,
+    Filming,
+    drawn,
+    make_film,
+    skinned,
+    write_film,
+)
+from kpopnet.teacher.library import TeacherBody
 from kpopnet.teacher.posing import Movement, posed
 
 SOON_S = 60
-RESULT = {"from_s": 1.0, "to_s": 3.0, "speed": 1.0, "course": {"time_s": [1.0, 2.0, 3.0], "total": [95.0, None, 5.0]}}
+RESULT = {"from_s": 1.0, "to_s": 2.0, "speed": 0.5, "course": {"time_s": [1.0, 1.5, 2.0], "total": [95.0, None, 5.0]}}
 
 
 def seen(half: np.ndarray) -> np.ndarray:
@@ -58,6 +71,20 @@ def test_a_skinned_body_has_its_joints_where_the_dancer_has_and_stays_in_the_pic
     far = Movement(dance.quats[:1], np.array([[4.0, 0.0, dance.hips_m[0, 2]]], np.float32), 30.0)
     assert len(seen(drawn(body, far, 0.0, COLOURS["teacher"]))) > 5000
     assert [Movement(quats, hips_m, 30.0, 1.0).frame(time_s) for time_s in (0.0, 1.5, 99.0)] == [0, 15, 89]
+
+
+def test_what_is_nearer_hides_what_is_behind_it():
+    """A triangle that faces the camera before a larger one that leans back, in both orders."""
+    near_m, far_m = [[-0.3, -0.5, 0.5], [0.3, -0.5, 0.5], [0, -0.5, 1.1]], [[-0.5, 0.5, 0.4], [0.5, 0.5, 0.4], [0, 0.9, 1.4]]
+    still = Movement(np.array([[[1.0, 0, 0, 0]]]), np.zeros((1, 3)), 30.0)
+    for faces in ([[0, 1, 2], [3, 4, 5]], [[3, 4, 5], [0, 1, 2]]):
+        body = TeacherBody(
+            bone_names=np.array(["Hips"]), bone_parents=np.array([-1]), heads_m=np.zeros((1, 3)), t_pose=np.eye(3)[None],
+            joints_m=np.zeros((15, 3)), vertices_m=np.array([*near_m, *far_m]), faces=np.array(faces),
+            weight_bones=np.zeros((6, 4)), weights=np.tile([1.0, 0, 0, 0], (6, 1)),
+        )  # fmt: skip
+        shades = drawn(body, still, 0.0, np.full(3, 200.0))[[297, 410 - 190], [200, 200], 0]  # 0.7 m and 1.1 m high
+        assert shades[0] == pytest.approx(200 * (AMBIENT - (1 - AMBIENT) * LIGHT[1]), abs=1) and shades[1] > shades[0] + 10
 
 
 def test_a_damaged_or_endless_try_is_refused(library, tmp_path):
