@@ -44,6 +44,9 @@ def test_the_preview_is_centred_and_upright_and_fast_dances_are_difficult(librar
     frames = np.array(preview_cm(dance)).reshape(-1, 15, 2)
     assert len(frames) == 40 and np.abs(frames.mean(axis=(0, 1))).max() < 2
     assert (frames[:, Joint.HEAD, 1] > frames[:, Joint.LEFT_FOOT, 1]).all()
+    way_cm = 100 * dance.joints_m[:120:3, Joint.TORSO, 0]  # which the dancer travels in the picture, too
+    np.testing.assert_allclose(frames[:, Joint.TORSO, 0] - frames[0, Joint.TORSO, 0], way_cm - way_cm[0], atol=1.1)
+    assert np.ptp(way_cm) > 5
     levels = [difficulty(dance.joints_m, fps) for fps in (5.0, 30.0, 90.0)]
     assert levels[0] == 1 and levels[2] == 5 and levels == sorted(levels)
     assert difficulty(np.full((9, 15, 3), np.nan), 30.0) == 1
@@ -171,6 +174,17 @@ def test_missing_joints_are_bridged(library):
     assert np.isfinite(quats).all() and np.isfinite(hips_m).all()
     bone = library.body.bone("LeftForeArm")
     assert np.abs((quats[:, bone] * whole[:, bone]).sum(axis=1)).min() > 0.95
+
+
+def test_the_body_jumps_where_the_dancer_does_and_starts_above_the_origin(library):
+    joints_m = np.repeat(library.dance("dance_001").joints_m[:1], 60, axis=0)
+    joints_m[20:30, :, 1] -= 0.3
+    joints_m[40:50] += np.float32([0.5, -0.04, 0])  # a step aside, and what may be an estimator's error
+    _, hips_m = posed(joints_m, library.body)
+    moved_m = hips_m - hips_m[0]
+    np.testing.assert_allclose(moved_m[25], [0, 0, 0.3], atol=0.05)  # in the air its feet hang
+    np.testing.assert_allclose(moved_m[45], [0.5, 0, 0], atol=0.01)
+    np.testing.assert_allclose(hips_m[0, :2], 0, atol=1e-6)
 
 
 def test_frames_without_joints_are_neither_moves_nor_thumbnails(library):

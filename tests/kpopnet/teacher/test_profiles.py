@@ -87,6 +87,11 @@ def test_nothing_is_left_of_a_profile_that_is_deleted_while_its_try_is_saved_or_
     assert left(tries.folder) == left(profiles.folder) == set()
 
 
+def test_a_try_of_no_profile_is_kept(teaching):
+    name = teaching.profiles.keep({"dance": "dance_001", "who": ""}, {"times_s": np.zeros(1)})
+    assert left(teaching.tries.folder) == {f"{name}.json", f"{name}.npz"}
+
+
 def test_a_try_that_a_full_disk_or_a_kill_interrupts_leaves_no_joints(teaching, tried, monkeypatch):
     tries, profiles = teaching.tries, teaching.profiles
     for place, name in ((np, "savez_compressed"), (json, "dumps")):

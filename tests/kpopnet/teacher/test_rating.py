@@ -80,9 +80,11 @@ def test_a_figure_stands_upright_on_the_floor_and_misses_what_is_missing(rating)
     head, feet = joints_mm[:, Joint.HEAD], joints_mm[:, [Joint.LEFT_FOOT, Joint.RIGHT_FOOT]]
     assert (head[:, 1] > 1000).all() and -150 < feet[..., 1].min() < 50
     assert abs(np.median(joints_mm[:, Joint.TORSO, [0, 2]])) < 100
-    right_m = performance.joints_m[0, Joint.RIGHT_SHOULDER, 0] - performance.joints_m[0, Joint.LEFT_SHOULDER, 0]
-    shown = joints_mm[0, Joint.RIGHT_SHOULDER, 0] - joints_mm[0, Joint.LEFT_SHOULDER, 0]
-    assert shown == pytest.approx(1000 * right_m, abs=2)  # as the camera saw it, not its mirror image
+    known = [joint for joint in Joint if joint is not Joint.LEFT_HAND]
+    for at, sign in enumerate((1, -1, -1)):  # as the camera saw it, not its mirror image; up, and to the viewer
+        seen_m = performance.joints_m[0, known, at] - performance.joints_m[0, Joint.TORSO, at]
+        shown = joints_mm[0, known, at].astype(int) - joints_mm[0, Joint.TORSO, at]
+        np.testing.assert_allclose(shown, 1000 * sign * seen_m, atol=2)
 
 
 def test_two_raters_go_on_where_they_stopped_on_another_server(rating):
@@ -110,6 +112,9 @@ async def test_an_answer_counts_once_and_may_be_taken_back(client, rating):
     before = await asked(client, "eve")
     await say(client, "eve", 0, "left")
     assert "answered already" in (await say(client, "eve", 0, "right", 400))["error"]  # a second tab, or a key pressed twice
+    assert [one.choice for one in stored(rating, "eve")] == ["left"]
+    await say(client, "eve", 1, "equal")
+    await say(client, "eve", 2, "")
     assert [one.choice for one in stored(rating, "eve")] == ["left"]
     await say(client, "eve", 1, "")
     assert await asked(client, "eve") == before and stored(rating, "eve") == []
