@@ -18,7 +18,7 @@ import kpopnet.programs.rate
 from kpopnet.camera import CAMERAS
 from kpopnet.datasets.dances.dance_set import LABELS, KpopSet
 from kpopnet.datasets.dances.ratings import all_pairs, ratings_path, read_ratings, write_ratings
-from kpopnet.datasets.dances.writer import PackedDepth, write_learner, write_teacher
+from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
 from kpopnet.runtime.folder_lock import locked
 
 DANCES = {f"dance_{index}": sorted(SKILLS) for index in range(5)}
@@ -58,6 +58,7 @@ def test_the_report_and_the_ranks(made, run, tmp_path, monkeypatch):
     assert figures["scorers"]["dance22"]["pairs"]["value"] > 0.8
     page = (tmp_path / "out" / "ratings.html").read_text()
     assert all(word in text and word in page for word in ("Krippendorff", "eve", "dance22"))
+    write_labels(made / "dance_0", sorted(SKILLS))  # what somebody else found
     before = {name: (made / name / LABELS).read_bytes() for name in DANCES}
     write_ratings(ratings_path(made, "gil"), answered(DANCES, "gil", lambda pair: not by_skill(pair)))
     assert run(made, "--write-labels").count("which stays") == len(before)
