@@ -9,6 +9,7 @@ from bvh_files import write_bvh
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.reader import read_performances
+from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose
 from kpopnet.skeleton import Joint
@@ -46,6 +47,15 @@ def test_dancers_keep_their_places_and_are_counted_from_their_left(group, librar
         np.testing.assert_allclose(one.quats, dance.quats, atol=0.02)
         np.testing.assert_allclose(one.hips_m, dance.hips_m, atol=0.02)
     assert np.abs(own.dance(identity).others[1].joints_m - dance.others[1].joints_m).max() == 0
+
+
+def test_a_dance_of_a_group_lasts_while_all_are_recorded(library, tmp_path):
+    whole, own = library.dance("dance_001").performance, Library(tmp_path, library.body)
+    shorter = Performance(whole.joints_m[60:-30], whole.times_s[60:-30])
+    dance = own.dance(add_group(own, [whole, shorter], "the files", "Duo"))
+    assert dance.about.seconds == pytest.approx(whole.times_s[-31] - whole.times_s[60], abs=0.05)
+    for one in dance.dancers:
+        np.testing.assert_allclose(one.joints_m, whole.joints_m[60:-31], atol=1e-6)
 
 
 def test_files_of_two_kinds_or_without_common_time_are_no_group(group, tmp_path, library):
