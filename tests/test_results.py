@@ -4,7 +4,7 @@ import json
 import re
 
 import pytest
-from programs import tool
+from programs import ROOT, tool
 
 results = tool("results")
 ROWS = results.rows()
@@ -95,3 +95,15 @@ def test_figures_that_name_their_file_are_renewed_in_their_digits_and_units(monk
         results.filled(old)
         == "98.8 %<!-- a:within --> of 2.35 cm<!-- a:error --> (-4.1<!-- a:low --> to 5), 71<!-- a:false -->"
     )
+
+
+def test_the_readme_sums_the_dances_in_order_of_the_sets():
+    def in_order(rows, estimator):
+        scorers = [results.load(f"kpop_sim_{row}")["estimators"][estimator]["scorers"] for row in rows]
+        return [sum(round(0.4 * one[name]["concordance"]) for one in scorers) for name in ("dance22", "paper", "raptis")]
+
+    composed = [in_order((2407, 2409, 2410), estimator) for estimator in ("truth", "network", "tracker")]
+    text = (ROOT / "README.md").read_text().partition("Dance scores on **simulated** dances")[2].partition("\n")[0]
+    stated = re.findall(r"\d+", text.replace("Eqs. 13 to 15", "").replace("[17]", ""))
+    by_scorer = [number for of_scorer in zip(*composed, strict=True) for number in of_scorer]
+    assert [*map(int, stated)] == [120, *by_scorer, 40, *in_order(("recorded_2408",), "truth")]
