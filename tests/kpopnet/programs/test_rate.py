@@ -58,7 +58,7 @@ def test_the_report_and_the_ranks(made, run, tmp_path, monkeypatch):
     assert figures["scorers"]["dance22"]["pairs"]["value"] > 0.8
     page = (tmp_path / "out" / "ratings.html").read_text()
     assert all(word in text and word in page for word in ("Krippendorff", "eve", "dance22"))
-    write_labels(made / "dance_0", sorted(SKILLS))  # what somebody else found
+    write_labels(made / "dance_0", sorted(SKILLS))  # ranks that another program wrote
     before = {name: (made / name / LABELS).read_bytes() for name in DANCES}
     write_ratings(ratings_path(made, "gil"), answered(DANCES, "gil", lambda pair: not by_skill(pair)))
     assert run(made, "--write-labels").count("which stays") == len(before)

@@ -253,7 +253,7 @@ test("a camera that is away interrupts the dance, which goes on with it", async 
   leave();
 });
 
-test("a dance begins when it is prepared and the learner is in place, and ends with what is the matter where nobody was seen", async () => {
+test("a dance begins when it is prepared and the learner is in place, and ends with what is the matter where no person was seen", async () => {
   const at = clocked();
   for (const query of ["loop", "phrase=0&practise=80"]) {
     const { get, leave } = await opened(query), waits = (from_ms) => {
@@ -265,8 +265,8 @@ test("a dance begins when it is prepared and the learner is in place, and ends w
     assert.equal(waits(0), 1);
     told({ kind: "ready" });
     assert.equal(waits(2000), 2);
-    told({ kind: "done", total: null, hints: ["nobody was seen"] });
-    assert.deepEqual([get("error").textContent, get("start").textContent, get("score").textContent], ["nobody was seen", "Start", "–"]);
+    told({ kind: "done", total: null, hints: ["no person was seen"] });
+    assert.deepEqual([get("error").textContent, get("start").textContent, get("score").textContent], ["no person was seen", "Start", "–"]);
     leave();
   }
   remember("speed", 100);
