@@ -1,6 +1,7 @@
 """The console script."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -30,6 +31,17 @@ def test_every_program_answers_help_and_describes_its_settings(name):
     done = kpopnet(name, "--help")
     assert done.returncode == 0 and len(done.stdout) > 300 and "Traceback" not in done.stderr, done.stderr
     assert SETTINGS.get(name, "") in done.stdout
+
+
+HYDRA = ("generate", "train", "evaluate")
+"""Programs whose settings are in files."""
+
+
+@pytest.mark.parametrize("name", [*sorted(PROGRAMS.keys() - HYDRA), "teach add", "convert recordings"])
+def test_every_option_is_on_a_page(name):
+    told = "".join(page.read_text() for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")) if page.stem != "ledger")
+    options = set(re.findall(r"(?<![\w-])--[a-z-]+", kpopnet(*name.split(), "--help").stdout)) - {"--help"}
+    assert [one for one in sorted(options) if not re.search(rf"{one}(?![\w-])", told)] == []
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,8 @@ from omegaconf import OmegaConf
 from programs import ROOT
 from two_people_files import two_people_mm
 
+from kpopnet import cli
+
 PAGES = {
     path.name: path.read_text()
     for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -184,3 +186,7 @@ def test_the_readme_and_the_architecture_are_short() -> None:
 def test_what_a_user_must_find_is_there() -> None:
     for path in ("LICENSE", "NOTICE", "CITATION.cff", "CHANGELOG.md", "constraints.txt", "synth/assets/README.md", ".ci/run"):
         assert (ROOT / path).stat().st_size > 100
+
+
+def test_every_program_is_named_on_the_first_page() -> None:
+    assert [name for name in cli.PROGRAMS if not re.search(rf"\bkpopnet {name}\b", PAGES["README.md"])] == []
