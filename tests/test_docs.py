@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,23 @@ from programs import ROOT
 from two_people_files import two_people_mm
 
 from kpopnet import cli
+from kpopnet.camera import CAMERAS
+from kpopnet.dance import diagnosis
+from kpopnet.dance.joint_files.reader import SUFFIXES as JOINT_SUFFIXES
+from kpopnet.dance.performance import MAX_DURATION_S
+from kpopnet.dance.scoring import SCORERS
+from kpopnet.dance.words import moments
+from kpopnet.datasets import check_script
+from kpopnet.datasets.dances import dance_set
+from kpopnet.evaluation.acceptance import sheet, watched
+from kpopnet.evaluation.report import as_markdown
+from kpopnet.live import streams
+from kpopnet.pose.estimator import MAX_PEOPLE
+from kpopnet.programs import check, live, teach
+from kpopnet.runtime.input_files import BUDGET_VARIABLE, DEFAULT_BUDGET_GB
+from kpopnet.sources import arrays, opening, stream
+from kpopnet.teacher import adding, film, hosting, library, pages, posing, server
+from kpopnet.viz import overlay, view_page
 
 PAGES = {
     path.name: path.read_text()
@@ -190,3 +208,75 @@ def test_what_a_user_must_find_is_there() -> None:
 
 def test_every_program_is_named_on_the_first_page() -> None:
     assert [name for name in cli.PROGRAMS if not re.search(rf"\bkpopnet {name}\b", PAGES["README.md"])] == []
+
+
+def test_what_the_pages_say_of_a_format_names_all_that_is_read() -> None:
+    for suffix in (*opening.READERS, *opening.WITH_NAMES, *CAMERAS):
+        assert f"`{suffix}`" in PAGES["predicting.md"], suffix
+    for suffix in JOINT_SUFFIXES:
+        assert f"`{suffix}`" in PAGES["dance_scoring.md"], suffix
+    for key in (*dance_set.SCHEMA.attributes, *dance_set.SCHEMA.arrays):
+        assert f"| `{key}` |" in PAGES["kpop_format.md"], key
+    for field in fields(dance_set.Manifest):
+        assert re.search(rf'[`"]{field.name}"?[`:]', PAGES["kpop_format.md"]) or field.name == "origin", field.name
+
+
+def of_module(name: str, constant: str) -> str:
+    """The value of a constant in a module of the teacher's page, as it is written."""
+    return re.search(rf"\b{constant} = (\[.*?\]|[\d.]+)", (ROOT / "kpopnet/teacher/page" / name).read_text())[1]
+
+
+def told_limits() -> list[tuple[str, str]]:
+    """(page, words) with the numbers of the code."""
+    late_s, bounds = diagnosis.SURE_DELAY_S, f"{adding.MIN_S:g} s to {posing.MAX_S / 60:g} minutes"
+    return [
+        ("teaching.md", f"A dance lasts {bounds}"),
+        ("teaching.md", f"a group, up to {library.MOST_DANCERS},"),
+        ("teaching.md", f"`--people N`, up to {MAX_PEOPLE};"),
+        ("teaching.md", f"Up to {hosting.MOST_CONNECTIONS} connections and {pages.MOST_PAGES} windows"),
+        ("teaching.md", f"Uploads are at most {server.MAX_UPLOAD_BYTES / 1e6:g} MB"),
+        ("teaching.md", f"Films last at most {film.MOST_S / 60:g} minutes"),
+        ("teaching.md", f"127.0.0.1:{teach.PORT}/"),
+        ("teaching.md", f"cut the recording, of\nat most {int(of_module('record.js', 'LONGEST_S')) // 60} minutes"),
+        ("teaching.md", f"Stars stand for the score so far ({of_module('verdicts.js', 'STARS_FROM')[1:-1]})"),
+        ("teaching.md", f"a streak counts moves\n  of {of_module('verdicts.js', 'STREAK_FROM')} and more"),
+        ("teaching.md", f"Hold the cursor on a field for {int(of_module('pointing.js', 'HOLD_MS')) / 1000:g} s"),
+        ("teaching.md", f"{of_module('practice.js', 'GOAL')} unless chosen), slower\n  again when"),
+        ("teaching.md", f"it misses it by more than {of_module('practice.js', 'FAR')}."),
+        ("teaching.md", f"(of {of_module('practice.js', 'LEAST_S')} s at least"),
+        ("live.md", f"127.0.0.1:{live.PORT}/"),
+        ("live.md", f"up to {MAX_PEOPLE} or `--people`"),
+        ("live.md", f"less than {arrays.LEAST_FREE_BYTES / 1e6:g} MB are free"),
+        ("live.md", f"UDP to port {streams.PORTS['osc']} "),
+        ("live.md", f"UDP to port {streams.PORTS['vmc']} "),
+        ("live.md", f"away for {streams.FORGOTTEN_S:g} s"),
+        ("predicting.md", f"at most {stream.LINE_BYTES:,} bytes"),
+        ("predicting.md", f"at most {overlay.MOST_GIF_FRAMES} images"),
+        ("predicting.md", f"depth of at most {view_page.MOST_CLOUDS} images"),
+        ("datasets.md", f"lasts at most {MAX_DURATION_S:,.0f} s"),
+        ("kpop_format.md", f"take {DEFAULT_BUDGET_GB:g} GB of\nmemory (`{BUDGET_VARIABLE}`)"),
+        ("dance_scoring.md", f"less than {moments.MIN_POINTS:g} points of a phrase of {moments.PHRASE_S:g} s"),
+        ("dance_scoring.md", f"{moments.MIN_ERROR_DEG:g}\ndegrees or {moments.MIN_DELAY_S:g} s is not mentioned"),
+        ("dance_scoring.md", f"gains {diagnosis.MIN_GAIN:g} points or more and reaches {diagnosis.MIN_CORRECTED:g}."),
+        ("dance_scoring.md", f"gains {diagnosis.SURE_GAIN:g} points or more"),
+        ("dance_scoring.md", f"off by {late_s:g} s or more (up to {diagnosis.SEARCH_S:g} s"),
+        *(("dance_scoring.md", f"| `{name}` | {one.alpha:g} | {one.beta:g} | {one.tau:g} |") for name, one in SCORERS.items()),
+        ("check.md", f"at least {watched.IN_VIEW_M2:g} m2 of surface\nthat is {100 * watched.NEARER_M:g} cm or more"),
+        ("check.md", f"empty with less than {watched.EMPTY_M2:g} m2"),
+    ]
+
+
+@pytest.mark.parametrize(("page", "words"), told_limits())
+def test_limits_on_the_pages_are_those_of_the_code(page: str, words: str) -> None:
+    assert words in PAGES[page]
+
+
+def test_the_page_of_the_acceptance_sheet_has_its_lines_gates_and_script() -> None:
+    unknown = {"a camera": dict.fromkeys(line.key for line in sheet.LINES)}
+    made = [row.split("|")[1:4] for row in as_markdown(["sheet", sheet.table(unknown)]).splitlines() if row.startswith("| ")]
+    told = [row.split("|")[1:4] for row in PAGES["check.md"].splitlines() if row.startswith("| ")]
+    assert len(made) == len(sheet.LINES) + 2 and all(row in told for row in made)
+    starts = [step.start_s for step in check_script.SCRIPT] + [check_script.END_S]
+    for text in (PAGES["check.md"], check.__doc__):
+        script = re.search(r"The script[,:].*?60 s end", text, re.DOTALL)[0]
+        assert [float(one) for one in re.findall(r"(\d+) s ", script)] == starts
