@@ -5,7 +5,7 @@ and a file system that several machines share passes it between them.
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from filelock import FileLock, Timeout
@@ -35,5 +35,6 @@ def locked(folder: Path | str, name: str = LOCK_FILE) -> Iterator[None]:
         yield
     finally:
         if lock.lock_counter == 1:  # while it is held: a process that waits for the removed file opens the next one
-            Path(lock.lock_file).unlink(missing_ok=True)
+            with suppress(PermissionError):  # Windows removes no open file; there filelock removes it once it is released
+                Path(lock.lock_file).unlink(missing_ok=True)
         lock.release()

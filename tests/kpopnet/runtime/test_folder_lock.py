@@ -3,6 +3,7 @@
 import contextlib
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from programs import ROOT
@@ -66,3 +67,14 @@ def test_no_two_of_many_processes_hold_the_lock_at_once(tmp_path):
     )
     processes = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], cwd=ROOT) for _ in range(3)]
     assert [process.wait(timeout=60) for process in processes] == [0] * 3
+
+
+def test_a_lock_ends_where_an_open_file_cannot_be_removed(tmp_path, monkeypatch):
+    def refuse(path, missing_ok=False):  # as Windows does
+        raise PermissionError(13, "The process cannot access the file because it is being used by another process", str(path))
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    with locked(tmp_path / "out"):
+        pass
+    with another_process_holds(tmp_path / "out"):  # nothing holds it any more
+        pass
