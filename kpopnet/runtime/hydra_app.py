@@ -103,14 +103,22 @@ def entry_point(
 
 
 def readable(override: str) -> str:
-    """An override, its value in quotes where Hydra's grammar cannot read it without: a path in Korean, or with brackets."""
+    """An override, its value in quotes where Hydra's grammar cannot read it without: a path in Korean, or with brackets.
+
+    A path of Windows' networks is in quotes too: Hydra reads its first two backslashes as one.
+    """
     name, _, value = override.partition("=")
-    quoted = "{}='{}'".format(name, value.replace("'", r"\'"))
-    for one in (override, quoted) if value and value[0] not in "[{'\"" and not name.startswith("-") else ():
+    # In quotes a backslash stands for itself, but before a quote.
+    quoted = f"{name}='{re.sub(QUOTE_OR_END, lambda found: 2 * found[1] + (found[2] and QUOTE), value)}'"
+    ways = (quoted,) if value.startswith("\\\\") else (override, quoted)
+    for one in ways if value and value[0] not in "[{'\"" and not name.startswith("-") else ():
         with contextlib.suppress(HydraException):
             OverridesParser.create().parse_override(one)
             return one
     return override
+
+
+QUOTE_OR_END, QUOTE = re.compile(r"(\\*)('|$)"), "\\'"
 
 
 def _unknown_choice(error: MissingConfigException, folder: Path) -> Exception:
