@@ -62,7 +62,7 @@ def open_live(name: str, rotate_deg: int = 0) -> LiveCamera:
 
 @contextmanager
 def shared_live(name: str | None) -> Iterator[str | None]:
-    """The name by which other processes open a live camera: standard input reaches them through a socket of this user."""
+    """The name by which other processes open a live camera: standard input reaches them through a port with a secret."""
     if name != "-":
         yield name
         return

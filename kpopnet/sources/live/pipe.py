@@ -1,8 +1,10 @@
 """Depth that another program sends while it measures, through standard input or a socket of this machine (see `stream`)."""
 
 import contextlib
+import hmac
+import re
+import secrets
 import socket
-import tempfile
 import threading
 import time
 from typing import BinaryIO
@@ -23,6 +25,10 @@ START_S = 10.0
 SCHEMES = STDIN, TCP, UNIX = "stdin:", "tcp:", "unix:"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
+SECRET_BYTES = 32
+RELAYED = re.compile(rf"{STDIN}([0-9]{{1,5}})/([0-9a-f]{{{2 * SECRET_BYTES}}})")
+"""A `Relay`: its port and the secret with which a camera begins."""
+
 
 def check_address(address: str) -> str:
     """Returns the address of a sender: tcp:127.0.0.1:PORT or unix:PATH. Raises InputError for another, or another machine's."""
@@ -30,9 +36,9 @@ def check_address(address: str) -> str:
         host, _, port = address.removeprefix(TCP).rpartition(":")
         if host.strip("[]") in LOOPBACK and port.isdecimal() and 0 < int(port) < 65536:
             return address
-    elif address.startswith((UNIX, STDIN)) and address.partition(":")[2]:
+    elif (address.startswith(UNIX) and address != UNIX and hasattr(socket, "AF_UNIX")) or RELAYED.fullmatch(address):
         return address
-    raise InputError(f"{address}: expected tcp:127.0.0.1:PORT, a port of this machine, or unix:PATH, a socket")
+    raise InputError(f"{address}: expected tcp:127.0.0.1:PORT, a port of this machine, or unix:PATH, a socket (not on Windows)")
 
 
 def _silent(name: str) -> Said:
@@ -45,6 +51,10 @@ def _connected(address: str) -> socket.socket:
     if kind == "tcp":
         host, _, port = place.rpartition(":")
         return socket.create_connection((host.strip("[]"), int(port)), timeout=START_S)
+    if relayed := RELAYED.fullmatch(address):
+        connection = socket.create_connection((LOOPBACK[0], int(relayed[1])), timeout=START_S)
+        connection.sendall(bytes.fromhex(relayed[2]))
+        return connection
     connection = socket.socket(socket.AF_UNIX)
     connection.settimeout(START_S)
     try:
@@ -142,10 +152,10 @@ class PipeCamera:
 
 
 class Relay:
-    """Passes what standard input brings to the cameras of other processes, through a socket of this user alone.
+    """Passes what standard input brings to the cameras of other processes that know its address.
 
     Attributes:
-        address: for `PipeCamera`.
+        address: for `PipeCamera`; a secret, as every user of the machine reaches the port. Windows has no sockets of files.
     """
 
     def __init__(self, file: BinaryIO | None = None) -> None:
@@ -160,17 +170,9 @@ class Relay:
         self._size = HEAD.size + parsed_header(self._line, "standard input").depth_bytes
         self._changed = threading.Condition()
         self._frame, self._number, self._ended = b"", 0, False
-        self._folder = tempfile.TemporaryDirectory(prefix="kpopnet-")
-        self.address = f"{STDIN}{self._folder.name}/depth"
-        self._listener = socket.socket(socket.AF_UNIX)
-        try:
-            self._listener.bind(self.address.removeprefix(STDIN))
-        except OSError as error:  # about a hundred letters are the most
-            self._listener.close()
-            self._folder.cleanup()
-            where = self._folder.name
-            raise InputError(f"{where}: no socket can be made there ({error}); set TMPDIR to a shorter folder") from error
-        self._listener.listen()
+        self._secret = secrets.token_bytes(SECRET_BYTES)
+        self._listener = socket.create_server((LOOPBACK[0], 0))
+        self.address = f"{STDIN}{self._listener.getsockname()[1]}/{self._secret.hex()}"
         for work in (self._read, self._accept):
             threading.Thread(target=work, daemon=True, name=f"relay {work.__name__}").start()
 
@@ -179,7 +181,6 @@ class Relay:
         with contextlib.suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
-        self._folder.cleanup()
 
     def _end(self) -> None:
         with self._changed:
@@ -200,6 +201,12 @@ class Relay:
 
     def _serve(self, connection: socket.socket) -> None:
         with connection, contextlib.suppress(OSError):  # the camera was closed
+            connection.settimeout(START_S)
+            with connection.makefile("rb") as file:
+                if not hmac.compare_digest(file.read(SECRET_BYTES), self._secret):
+                    return
+            connection.settimeout(None)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             # Before the line, after which a camera counts on every image. Where all images came before, it gets the last one.
             sent = 0 if self._ended else self._number
             connection.sendall(self._line)
