@@ -38,9 +38,10 @@ def _ensure_kernel_cache() -> None:
             folder.expanduser().mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder.expanduser()).close()
             return
-    os.environ["NUMBA_CACHE_DIR"] = folder = tempfile.mkdtemp(prefix="kpopnet-kernels-")
-    process = os.getpid()
-    atexit.register(lambda: os.getpid() == process and shutil.rmtree(folder, ignore_errors=True))
+    with contextlib.suppress(OSError):  # no folder at all can be written: numba says so, once it needs one
+        os.environ["NUMBA_CACHE_DIR"] = folder = tempfile.mkdtemp(prefix="kpopnet-kernels-")
+        process = os.getpid()
+        atexit.register(lambda: os.getpid() == process and shutil.rmtree(folder, ignore_errors=True))
 
 
 _ensure_kernel_cache()

@@ -139,6 +139,8 @@ def _message(error: Exception) -> str | None:
         return one_line(error)
     if is_of_the_disk(error):
         return of_the_disk(error)
+    if isinstance(error, RuntimeError) and str(error).startswith("cannot cache function"):  # numba's
+        return "compiled kernels can be kept in no folder; set NUMBA_CACHE_DIR to one that can be written"
     if type(error).__module__.startswith("submitit."):
         job = str(error).splitlines()[0]
         return f"{job} did not finish; what is finished stays: run the same command again"

@@ -1,6 +1,7 @@
 """The notice that numba compiles."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -69,3 +70,26 @@ def test_where_nothing_can_be_written_kernels_are_kept_as_long_as_the_process(tm
     told = subprocess.check_output([sys.executable, "-c", READ_ONLY], cwd=ROOT, env=environment, text=True)
     folder, was_there = told.split()
     assert was_there == "True" and Path(folder).parent == tmp_path and not Path(folder).exists()
+
+
+NOWHERE = """
+import os, sys, tempfile
+def refuse(*given, **named):
+    raise FileNotFoundError(2, "No usable temporary directory found")
+tempfile.TemporaryFile = tempfile.mkdtemp = refuse
+os.access = lambda *given: False
+from numba.core.caching import _CacheLocator
+_CacheLocator.ensure_cache_path = refuse
+from kpopnet.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("program", "code", "told"), [("--version", 0, ""), ("score", 1, "error: compiled kernels .* set NUMBA_CACHE_DIR to .*\n")]
+)
+def test_where_no_folder_at_all_can_be_written_it_says_what_to_set(program, code, told):
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    words = [sys.executable, "-c", NOWHERE, program]
+    done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == code and re.fullmatch(told, done.stderr)
