@@ -54,14 +54,14 @@ def run(name: str) -> None:
     begin_imports()
     try:
         program = importlib.import_module(PROGRAMS[name][0])
+        end_imports()
+        program.main()
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] in ("", "kpopnet", "synth"):
             raise
         about = f"error: kpopnet {name} needs {error.name}, which is not installed; install kpopnet with its dependencies"
         print(about, file=sys.stderr)
         raise SystemExit(1) from None
-    end_imports()
-    program.main()
 
 
 if __name__ == "__main__":
