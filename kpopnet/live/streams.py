@@ -21,6 +21,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose
 from kpopnet.rotations import conjugate, multiply
+from kpopnet.runtime.endings import is_windows_broken_pipe
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS, Joint
 
 
@@ -55,16 +56,28 @@ FORGOTTEN_S = 5.0
 def open_stream(kind: str | None, port: int | None = None) -> Iterator[Stream | None]:
     """A stream of a kind in STREAMS; OSC goes to a UDP port of this machine, VMC to it and those that follow; None: none."""
     if kind not in PORTS:
-        yield {None: None, "json": _write_json, "csv": _write_csv}[kind]
+        yield {None: None, "json": _printed(_write_json), "csv": _printed(_write_csv)}[kind]
         return
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
 
         def send(packet: bytes, number: int = 0) -> None:
             # No program listens yet, or all ports up to the last one are taken, some by people who have just left.
-            with contextlib.suppress(ConnectionRefusedError, OverflowError):
+            with contextlib.suppress(ConnectionRefusedError, ConnectionResetError, OverflowError):  # Windows says reset
                 udp.sendto(packet, (LOOPBACK, (port or PORTS[kind]) + number))
 
         yield (_osc_sender if kind == "osc" else _vmc_sender)(send)
+
+
+def _printed(write: Stream) -> Stream:
+    def stream(seen: Seen) -> None:
+        try:
+            write(seen)
+        except OSError as error:
+            if is_windows_broken_pipe(error):
+                raise BrokenPipeError from error
+            raise
+
+    return stream
 
 
 def _one(seen: Seen, person: PersonPose) -> Performance:

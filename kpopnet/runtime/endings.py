@@ -73,7 +73,7 @@ def user_errors(function: Callable[P, R]) -> Callable[P, R]:
             print("stopped", file=sys.stderr)
             raise SystemExit(130) from None
         except Exception as error:
-            if isinstance(error, BrokenPipeError) and _is_unread(sys.stdout):
+            if (isinstance(error, BrokenPipeError) and _is_unread(sys.stdout)) or is_windows_broken_pipe(error):
                 silence_output()
                 raise SystemExit(141) from None  # as a shell says of a program that `| head` ended
             if (message := _message(error)) is None:
@@ -103,12 +103,20 @@ def silence_output() -> None:
 
 
 def _is_unread(stream: TextIO | None) -> bool:
-    """Whether this program's output goes into a pipe that no program reads any more; not known on Windows."""
+    """Whether this program's output goes into a pipe that no program reads any more; see `is_windows_broken_pipe`."""
     if stream is None or not hasattr(select, "poll"):
         return False
     pipe = select.poll()
     pipe.register(stream.fileno(), 0)
     return any(event & select.POLLERR for _, event in pipe.poll(0))
+
+
+ON_WINDOWS = os.name == "nt"
+
+
+def is_windows_broken_pipe(error: BaseException) -> bool:
+    """Whether this is how Windows tells a program which prints that no program reads any more: an error of no file."""
+    return ON_WINDOWS and isinstance(error, OSError) and error.errno == errno.EINVAL and error.filename is None
 
 
 AGAIN = "and run the same command again"

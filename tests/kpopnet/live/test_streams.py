@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from kpopnet.dance.joint_files.reader import read_performance
 from kpopnet.live.streams import TO_STDOUT, Seen, open_stream
 from kpopnet.pose import PersonPose
+from kpopnet.runtime import endings
 from kpopnet.skeleton import JOINT_NAMES, Joint
 
 
@@ -107,12 +108,25 @@ def test_csv_of_one_person_is_what_the_scorer_reads(monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("kind", TO_STDOUT)
-def test_a_reader_that_has_gone_is_told_with_the_first_image(monkeypatch, kind):
+@pytest.mark.parametrize("error", [BrokenPipeError(), OSError(22, "Invalid argument")])
+def test_a_reader_that_has_gone_is_told_with_the_first_image(monkeypatch, kind, error):
     def gone(*_: object) -> None:
-        raise BrokenPipeError
+        raise error
 
+    monkeypatch.setattr(endings, "ON_WINDOWS", error.errno == 22)  # where it is told so
     monkeypatch.setattr(sys, "stdout", SimpleNamespace(write=gone, flush=gone))
     with open_stream(kind) as stream, pytest.raises(BrokenPipeError):
+        stream(SEEN)
+
+
+@pytest.mark.parametrize("error", [ConnectionRefusedError, ConnectionResetError])  # Linux's, Windows'
+def test_where_no_program_listens_images_go_nowhere(monkeypatch, error):
+    class Deaf(socket.socket):
+        def sendto(self, *_):
+            raise error
+
+    monkeypatch.setattr(socket, "socket", Deaf)
+    with open_stream("vmc") as stream:
         stream(SEEN)
 
 

@@ -1,6 +1,7 @@
 """How a program ends whose output is not read to its end."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -35,6 +36,16 @@ def unread(program, *words):
 @pytest.mark.parametrize("what", ["print('a line')", "for _ in range(10000): print('a line')"])
 def test_output_that_no_program_reads_ends_a_program_without_words(what):
     assert unread(PROGRAM.format(what=what)) == (b"", 141)
+
+
+@pytest.mark.parametrize(
+    ("windows", "told", "code"), [(True, rb"", 141), (False, rb"Traceback (?s:.*)OSError: .* Invalid argument\n", 1)]
+)
+def test_output_that_no_program_reads_ends_a_program_on_windows_too(windows, told, code):
+    """There Python makes an EINVAL of it, as subprocess's own comments say."""
+    what = f"from kpopnet.runtime import endings; endings.ON_WINDOWS = {windows}; raise OSError(22, 'Invalid argument')"
+    errors, ended_with = ended(what)
+    assert ended_with == code and re.fullmatch(told, errors)
 
 
 def ended(what, output=subprocess.PIPE):
