@@ -129,6 +129,8 @@ REMEDIES = {
     errno.ENOTDIR: "a part of this path is a file, expected a folder; give another path",
     errno.EEXIST: "is there already, and is no folder; give another path",
     errno.ENAMETOOLONG: "the name is too long; most file systems allow 255 bytes a name and 4096 a path",
+    errno.EINVAL: "this disk takes no such name, of letters like : or ?, or does not do what is asked; give another path",
+    errno.EILSEQ: "this disk takes no such name; give another path",
     errno.EMFILE: "too many files are open (ulimit -n); raise the limit",
 }
 """What the user can do about a file that cannot be read or written, by the error's number."""
@@ -138,7 +140,8 @@ DISK_ERRORS = {*REMEDIES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ELOOP, 
 
 def is_of_the_disk(error: BaseException | None) -> TypeGuard[OSError]:
     """Whether an error comes from the file system or its limits, and not from a mistake in the program."""
-    return isinstance(error, OSError) and error.errno in DISK_ERRORS
+    named = isinstance(error, OSError) and (error.errno != errno.EINVAL or error.filename is not None)  # or it is of anything
+    return named and error.errno in DISK_ERRORS
 
 
 def _message(error: Exception) -> str | None:

@@ -48,6 +48,12 @@ def test_output_that_no_program_reads_ends_a_program_on_windows_too(windows, tol
     assert ended_with == code and re.fullmatch(told, errors)
 
 
+def test_a_name_that_a_disk_does_not_take_is_told():
+    """As of Windows' disks, and USB sticks everywhere."""
+    told, code = ended("raise OSError(22, 'Invalid argument', 'a:b?')")
+    assert code == 1 and told.startswith(b"error: a:b?: this disk takes no such name") and told.count(b"\n") == 1
+
+
 def ended(what, output=subprocess.PIPE):
     """Errors and exit code of a program."""
     program = [sys.executable, "-c", PROGRAM.format(what=what)]
