@@ -5,6 +5,8 @@ is exact, and the number of worker processes does not change the batches. (It ch
 `threads` does not set them, and with these the last digits of the weights.)
 """
 
+import contextlib
+import multiprocessing
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -273,15 +275,16 @@ def occlude(rng: np.random.Generator, depth_m: np.ndarray, camera: Camera) -> np
 
 def batch_loader(batches: CropBatches, start: int, stop: int, workers: int, pin_memory: bool = False) -> DataLoader:
     """Loads the batches of steps start..stop-1 in order, in `workers` processes, or in this process if 0."""
+    # Not fork: it would copy locks held by threads of torch and TensorBoard. Spawn, whose workers abort with a message when a
+    # run ends early, only where there is nothing else, as on Windows.
+    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     return DataLoader(
         batches,
         batch_size=None,
         sampler=range(start, stop),
         num_workers=workers,
         worker_init_fn=_init_worker,
-        # Not fork: it would copy locks held by threads of torch and TensorBoard. Not spawn: its workers abort with a
-        # message when a run ends early.
-        multiprocessing_context="forkserver" if workers else None,
+        multiprocessing_context=method if workers else None,
         prefetch_factor=4 if workers else None,
         pin_memory=pin_memory,
     )
@@ -293,4 +296,5 @@ def _init_worker(_: int) -> None:
     keep_freed_memory()
     torch.set_num_threads(1)
     cv2.setNumThreads(0)
-    os.nice(10)
+    with contextlib.suppress(AttributeError):  # where processes have no niceness
+        os.nice(10)

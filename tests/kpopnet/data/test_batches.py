@@ -1,5 +1,7 @@
 """Batches are pure functions of seed and step; augmentation transforms crop and target; empty silhouettes are replaced."""
 
+import multiprocessing
+import os
 import pickle
 from collections import Counter
 from dataclasses import replace
@@ -9,7 +11,8 @@ import pytest
 import torch
 from capsule_people import CapsulePeople
 
-from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, occlude
+from kpopnet.data import batches as batches_module
+from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, ShuffledOrder, batch_loader, occlude
 from kpopnet.data.cube import Cube, person_centre
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
@@ -152,3 +155,13 @@ def test_an_empty_silhouette_is_replaced_by_the_next_observation_and_counted():
     assert not np.array_equal(batch.target[0], batch.target[3])
     with pytest.raises(InputError, match="empty silhouettes in a row"):
         CropBatches(CapsulePeople(3, empty=(0, 1, 2)), MODEL, EvenOrder(3, 3, 3), 0, None)[0]
+
+
+def test_workers_start_where_there_is_nothing_but_spawn_and_no_niceness(monkeypatch):
+    monkeypatch.setattr(multiprocessing, "get_all_start_methods", lambda: ["spawn"])  # as on Windows
+    assert batch_loader(batches(), 0, 2, workers=1).multiprocessing_context.get_start_method() == "spawn"
+    for module, name in ((torch, "set_num_threads"), (batches_module.cv2, "setNumThreads")):
+        monkeypatch.setattr(module, name, lambda count: None)
+    monkeypatch.setattr(batches_module, "keep_freed_memory", lambda: None)
+    monkeypatch.delattr(os, "nice", raising=False)
+    batches_module._init_worker(0)
