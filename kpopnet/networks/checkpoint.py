@@ -10,11 +10,13 @@ In the folder of a run:
     last, best              links to two checkpoints; the others are removed
 
 From the first checkpoint on both links point to a whole one at each moment: a step that is saved again, by a run that was
-resumed from `best`, goes to step_00002000_2.
+resumed from `best`, goes to step_00002000_2. Where no links can be made, as on Windows, last and best are the checkpoints
+themselves, and checkpoints/ is empty; a run that is killed while one replaces another leaves the one before in a hidden folder.
 
 No random state is stored: everything random is a function of seed and step.
 """
 
+import errno
 import io
 import json
 import os
@@ -79,6 +81,14 @@ def save_checkpoint(run: Path, network: PoseNetwork, state: dict, meta: dict, *,
     (partial / META).write_text(json.dumps(described, indent=2) + "\n")
     for file in partial.iterdir():
         sync(file)
+    if not _can_link(run):
+        if best:
+            shutil.copytree(partial, copy := partial.with_name(f".best.{os.getpid()}"), dirs_exist_ok=True)
+            _replace(run / "best", copy)
+        _replace(run / "last", partial)
+        for other in folder.parent.glob(".*"):  # of a run that was killed
+            shutil.rmtree(other, ignore_errors=True)
+        return run / "last"
     for link in ("best", "last"):
         if not (run / link).exists():  # so that the first checkpoint has both as soon as it stands
             _move_link(run / link, folder)
@@ -104,7 +114,7 @@ def resumable(run: Path) -> Path | None:
 def refuse_copied_links(run: Path) -> None:
     """Raises InputError where a run has folders in the place of its links, as copies have that follow links."""
     for link in (run / "last", run / "best"):
-        if (run / "checkpoints").is_dir() and link.is_dir() and not link.is_symlink():
+        if any((run / "checkpoints").glob("step_*")) and link.is_dir() and not link.is_symlink():
             raise InputError(
                 f"{link}: a folder where a run has a link to one of its checkpoints; copy runs with their links, as rsync -a "
                 f"does, or make it again: rm -r {link}; ln -s checkpoints/STEP {link}"
@@ -118,6 +128,33 @@ def _remove(folder: Path) -> None:
         shutil.rmtree(hidden, ignore_errors=True)
         folder = folder.rename(hidden)
     shutil.rmtree(folder, ignore_errors=True)
+
+
+def _can_link(run: Path) -> bool:
+    """Whether links can be made here and moved: on Windows few users may make one, and none replaces another."""
+    link = run / f".link.{os.getpid()}"
+    try:
+        link.unlink(missing_ok=True)
+        link.symlink_to("checkpoints")
+        link.unlink()
+    except OSError as error:
+        if error.errno not in (errno.EPERM, errno.EINVAL, errno.ENOTSUP):  # a full disk, for instance
+            raise
+        return False
+    return os.name != "nt"
+
+
+def _replace(folder: Path, new: Path) -> None:
+    """Puts a folder in the place of another, which may be missing."""
+    if folder.exists():
+        old = new.with_name(f".{folder.name}.{os.getpid()}.removed")
+        shutil.rmtree(old, ignore_errors=True)
+        folder.rename(old)
+        new.rename(folder)
+        shutil.rmtree(old, ignore_errors=True)
+    else:
+        new.rename(folder)
+    sync(folder.parent)
 
 
 def _move_link(link: Path, folder: Path) -> None:
@@ -206,4 +243,6 @@ def run_folder(resume: str | None, fresh: str) -> str:
     if resume is None:
         return fresh
     folder = Path(resume).resolve()  # follows a link such as RUN/last
+    if folder.name in ("last", "best") and (folder.parent / "checkpoints").is_dir():  # of a run without links
+        return str(folder.parent)
     return str(folder.parents[1] if folder.parent.name == "checkpoints" else fresh)

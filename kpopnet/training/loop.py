@@ -263,7 +263,7 @@ def refuse_other_run(folder: Path, resume: str | None) -> None:
 
 def holds(folder: Path, checkpoint: str) -> bool:
     """Whether a checkpoint is one of the run in a folder."""
-    return (folder / "checkpoints").resolve() in Path(checkpoint).resolve().parents
+    return folder.resolve() in Path(checkpoint).resolve().parents
 
 
 def load_initial_weights(network: PoseNetwork, checkpoint: str) -> None:

@@ -1,5 +1,6 @@
 """Checkpoints are read as they were written, are written atomically, and are refused if damaged or of another format."""
 
+import errno
 import json
 import os
 
@@ -17,7 +18,9 @@ from kpopnet.networks.checkpoint import (
     load_state,
     load_weights,
     read_meta,
+    refuse_copied_links,
     resumable,
+    run_folder,
     save_checkpoint,
 )
 from kpopnet.networks.estimator import NetworkEstimator
@@ -54,6 +57,21 @@ def test_the_best_stays_the_best_until_a_better_one_comes(tmp_path):
     for step, best, expected in ((1, True, 1), (2, False, 1), (3, False, 1), (4, True, 4)):
         save(tmp_path, step, best)
         assert (whole(tmp_path / "last"), whole(tmp_path / "best")) == (step, expected)
+
+
+def test_without_links_both_are_the_checkpoints_themselves_and_a_run_goes_on_in_its_folder(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.EPERM, "A required privilege is not held by the client")  # Windows' words
+
+    monkeypatch.setattr(os, "symlink", refuse)
+    (tmp_path / "checkpoints/.step_00000000.7").mkdir(parents=True)  # of a run that was killed
+    for step, best, expected in ((1, True, 1), (2, False, 1), (3, True, 3), (4, False, 3)):
+        save(tmp_path, step, best)
+        assert (whole(tmp_path / "last"), whole(tmp_path / "best")) == (step, expected)
+        assert not list((tmp_path / "checkpoints").iterdir())
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["best", "checkpoints", "last"]
+    refuse_copied_links(tmp_path)
+    assert run_folder(str(tmp_path / "last"), "elsewhere") == str(tmp_path)
 
 
 class Killed(BaseException):
