@@ -11,7 +11,6 @@ import os
 import pickle
 import signal
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, suppress
@@ -163,9 +162,13 @@ def serve() -> None:
     """In the child: reads the request from standard input and writes the answers to standard output."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
-    reader, path, args, seconds, memory_bytes = pickle.load(sys.stdin.buffer)
+    # Some libraries look at standard input as they load (libgfortran, of scipy), which on Windows waits for a thread that reads
+    # it: https://github.com/python/cpython/issues/78961
+    requests = os.fdopen(os.dup(0), "rb")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    reader, path, args, seconds, memory_bytes = pickle.load(requests)
     _limit(memory_bytes)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with_parent, args=(requests.fileno(),), daemon=True).start()
 
     def answer(kind: str, value: Any = None) -> None:
         _end_after(0)
@@ -185,8 +188,8 @@ def serve() -> None:
         answer("error", f"{path}: cannot be read ({type(error).__name__}: {first_line(error)})")
 
 
-def _end_with_parent() -> None:
-    while os.read(0, 1):
+def _end_with_parent(pipe: int) -> None:
+    while os.read(pipe, 1):
         pass
     os._exit(1)
 

@@ -59,6 +59,16 @@ def garble(path: Path) -> None:
     raise KeyError("first line\nsecond line")
 
 
+def standard_input(path: Path) -> bool:
+    with path.open("rb") as file:
+        return os.path.sameopenfile(0, file.fileno())
+
+
+def test_the_reader_s_standard_input_is_not_the_pipe_that_is_watched() -> None:
+    """On Windows libraries that look at one as they load would wait for it."""
+    assert read_in_child(standard_input, os.devnull) is True
+
+
 def test_the_reader_runs_in_another_process_and_its_result_comes_back() -> None:
     result = read_in_child(powers, "some/file.bvh", 5, 3)
     assert list(result) == ["file.bvh"] and result["file.bvh"].tolist() == [0, 1, 8, 27, 64]
