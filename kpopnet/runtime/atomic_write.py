@@ -103,7 +103,9 @@ def naming(path: Path, part: Path | None = None) -> Iterator[None]:
 def hidden_name(name: str) -> str:
     """A temporary name for a file, another one each time, of at most 255 bytes if the file's own name has no more."""
     end = f".{socket.gethostname()}.{os.getpid()}-{next(_NUMBERS)}.tmp"
-    return "." + os.fsdecode(os.fsencode(name)[: MAX_NAME_BYTES - 1 - len(os.fsencode(end))]) + end
+    while len(os.fsencode(f".{name}{end}")) > MAX_NAME_BYTES:
+        name = name[:-1]  # by letters: half a one is no name for macOS and Windows
+    return f".{name}{end}"
 
 
 @contextmanager

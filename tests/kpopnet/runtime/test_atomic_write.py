@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from kpopnet.runtime import atomic_write
-from kpopnet.runtime.atomic_write import remove_unfinished, write_whole
+from kpopnet.runtime.atomic_write import hidden_name, remove_unfinished, write_whole
 
 
 def test_the_content_is_on_the_disk_before_the_file_has_its_name(tmp_path, monkeypatch):
@@ -27,6 +27,12 @@ def test_the_longest_name_that_a_file_may_have_can_be_written(tmp_path):
     name = 127 * "é" + "a"  # 255 bytes
     write_whole(tmp_path / name, "b")
     assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_a_hidden_name_has_whole_letters():
+    for count in range(60, 85):
+        name = hidden_name(count * "춤" + ".npz")
+        assert name.encode() and len(name.encode()) <= 255  # half a letter could not be encoded
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc tells which processes have ended")
