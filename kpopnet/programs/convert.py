@@ -87,8 +87,10 @@ def _seen_m(performance: Performance) -> np.ndarray:
 def convert_recordings(given: argparse.Namespace) -> None:
     """Writes a dance from the files of joints that the command line names."""
     names, paths = [path.stem for path in given.learners], [given.teacher, *given.learners]
-    if len(set(names)) < max(len(names), 2):
-        raise InputError("--learners: give at least two files of different names, the best dancer's first")
+    if len(set(map(str.casefold, names))) < max(len(names), 2):  # on Windows and macOS Ann.h5 and ann.h5 are one file
+        raise InputError(
+            "--learners: give at least two files of different names, the best dancer's first; capitals do not count"
+        )
     teacher, *learners = from_absolute_clocks([read_strangers_performance(one, given.fps, given.joint_map) for one in paths])
     write_dance(given.out, given.dance, teacher, dict(zip(names, learners, strict=True)))
 

@@ -56,7 +56,7 @@ def test_keypoints_become_a_dance(tmp_path, program):
     dance = KpopSet(tmp_path / "days").dance("gBR")
     assert [one.times_s[0] for one in (dance.teacher(), *(learner.joints() for learner in dance.learners))] == [0, 0, 0]
     again = partial(program, "convert", "recordings", tmp_path / "out", *files[:-1], fails=True)
-    for learners in ((), (tmp_path / "worst.npz", tmp_path / "worst.npz")):
+    for learners in ((), (tmp_path / "worst.npz", tmp_path / "worst.npz"), (tmp_path / "worst.npz", tmp_path / "Worst.npz")):
         assert "at least two files of different names" in again(*learners, "--dance", "x")
     np.savez(tmp_path / "other.npz", keypoints3d=coco(unit_m=0.01), fps=60)
     for name, told in (("gBR", "gBR: holds worst of an earlier conversion"), ("a/b", "--dance 'a/b': expected a name")):
