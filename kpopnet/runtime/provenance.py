@@ -32,17 +32,20 @@ def measured_by() -> dict[str, object]:
 
 
 def install_command(extra: str) -> str:
-    """The command that installs an extra from where this code came: its checkout, or the wheel. No package index has it."""
+    """The command that installs an extra from where this code came: its checkout, or the wheel. No package index has it.
+
+    In double quotes, which the shells of Windows know too.
+    """
     checkout = Path(__file__).parents[2]
     if (checkout / "pyproject.toml").is_file():
-        return f"pip install -e '{checkout}[{extra}]'"
+        return f'pip install -e "{checkout}[{extra}]"'
     try:
         installed = distribution("kpopnet")
     except PackageNotFoundError:
-        return f"pip install 'WHEEL[{extra}]' with the path of kpopnet's wheel"
+        return f'pip install "WHEEL[{extra}]" with the path of kpopnet\'s wheel'
     origin = json.loads(installed.read_text("direct_url.json") or "{}")  # PEP 610
     place = origin.get("url", f"file:///PATH/kpopnet-{installed.version}-py3-none-any.whl")
-    return f"pip install 'kpopnet[{extra}] @ {place}'"
+    return f'pip install "kpopnet[{extra}] @ {place}"'
 
 
 @contextmanager

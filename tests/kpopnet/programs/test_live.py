@@ -52,7 +52,7 @@ def test_a_mistake_is_one_line(program, words, told):
 
 def test_a_page_needs_its_server_library_and_a_stream_alone_does_not(program, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "aiohttp", None)
-    assert "[app]'" in program("live", tmp_path, fails=True)
+    assert '[app]"' in program("live", tmp_path, fails=True)
     assert "no such recording" in program("live", tmp_path / "nothing.npz", "--no-page", "--stream", "osc", fails=True)
 
 

@@ -145,7 +145,7 @@ def test_a_mistake_is_one_line_before_dances_are_made(run, tmp_path):
 
 def test_without_its_server_library_it_says_what_to_install(run, monkeypatch):
     monkeypatch.setitem(sys.modules, "aiohttp", None)
-    assert "[app]'" in run(fails=True)
+    assert '[app]"' in run(fails=True)
 
 
 class Moments:

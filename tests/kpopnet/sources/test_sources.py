@@ -133,7 +133,7 @@ def test_a_missing_library_is_named_with_the_command_that_installs_it(name, extr
     for module in ("av", "pyrealsense2", "rosbags", "lzfse"):
         monkeypatch.setitem(sys.modules, module, None)
     (tmp_path / name).write_bytes(bytes(100))
-    with pytest.raises(InputError, match=rf"needs .*: pip install -e '{ROOT}\[{extra}\]'|extra {extra}"):
+    with pytest.raises(InputError, match=rf'needs .*: pip install -e "{ROOT}\[{extra}\]"|extra {extra}'):
         open_depth(tmp_path / name)
 
 
