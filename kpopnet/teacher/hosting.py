@@ -186,7 +186,9 @@ def _refusing_headers(handler: Callable) -> Callable:
 
 
 class _Once(logging.Filter):
-    """Lets each error through once, so that no stranger fills a disk, and none about a request that is no HTTP."""
+    """Lets each error through once, so that no stranger fills a disk, and none about a request that is no HTTP, or a page that
+    has gone: of that asyncio makes an error on Windows.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -195,7 +197,7 @@ class _Once(logging.Filter):
     def filter(self, record: logging.LogRecord) -> bool:
         error = record.exc_info[1] if record.exc_info else None
         text = f"{record.msg} {type(error).__name__}"
-        new = text not in self._told and not isinstance(error, HttpProcessingError)
+        new = text not in self._told and not isinstance(error, HttpProcessingError | ConnectionError)
         self._told.add(text)
         return new
 

@@ -1,6 +1,7 @@
 """Where the local servers listen, how they open a browser, how many they let in, and how they end."""
 
 import contextlib
+import logging
 import os
 import re
 import signal
@@ -123,6 +124,16 @@ def test_too_many_connections_are_told_so_and_fill_no_log(tmp_path):
             time.sleep(0.1)
         process.send_signal(signal.SIGTERM)
         assert process.stderr.read() == ""
+
+
+def test_each_error_is_told_once_and_none_of_a_page_that_has_gone():
+    """asyncio's loop on Windows makes an error of each: https://github.com/python/cpython/issues/83191."""
+    from kpopnet.teacher.hosting import _Once
+
+    once, gone = _Once(), "Exception in callback _ProactorBasePipeTransport._call_connection_lost(None)"
+    for error, told in ((ConnectionResetError(10054, "closed"), (False, False)), (ValueError("odd"), (True, False))):
+        record = logging.LogRecord("", logging.ERROR, "", 0, gone, None, (type(error), error, None))
+        assert (once.filter(record), once.filter(record)) == told
 
 
 STARTING = """
