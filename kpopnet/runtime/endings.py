@@ -163,7 +163,8 @@ def of_the_disk(error: OSError) -> str:
     path = "a file" if error.filename is None else os.fsdecode(error.filename)
     path = path if len(path) <= 300 else f"{path[:150]}...{path[-100:]}"
     number = error.errno or errno.EIO
-    return f"{path}: {REMEDIES.get(number, os.strerror(number).lower())}"
+    or_close = ", or close the program that has it open" if ON_WINDOWS and number == errno.EACCES else ""
+    return f"{path}: {REMEDIES.get(number, os.strerror(number).lower())}{or_close}"
 
 
 def _thread_ended(ended: threading.ExceptHookArgs) -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from programs import ROOT
 
+from kpopnet.runtime import endings
+
 PROGRAM = """
 import os
 import sys
@@ -52,6 +54,13 @@ def test_a_name_that_a_disk_does_not_take_is_told():
     """As of Windows' disks, and USB sticks everywhere."""
     told, code = ended("raise OSError(22, 'Invalid argument', 'a:b?')")
     assert code == 1 and told.startswith(b"error: a:b?: this disk takes no such name") and told.count(b"\n") == 1
+
+
+def test_a_file_that_another_program_has_open_is_told(monkeypatch):
+    """A table in Excel, a film in a player: Windows replaces none."""
+    monkeypatch.setattr(endings, "ON_WINDOWS", True)
+    told = endings.of_the_disk(PermissionError(13, "The process cannot access the file", "joints.csv"))
+    assert told.startswith("joints.csv: permission denied; ") and told.endswith(", or close the program that has it open")
 
 
 def ended(what, output=subprocess.PIPE):
