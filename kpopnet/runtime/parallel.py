@@ -1,5 +1,6 @@
 """The process pool: work on many items, with the same results whatever the number of processes."""
 
+import errno
 import multiprocessing
 import os
 import pickle
@@ -45,9 +46,15 @@ def in_processes(
     with _environment(ONE_THREAD):
         # Spawned, not forked: a forked child would inherit threads, locks and GL state half-way through.
         context = multiprocessing.get_context("spawn")
-        counter = context.Value("q", 0) if on_progress else None
         others = set(multiprocessing.active_children())
-        pool = ProcessPoolExecutor(processes, context, initializer=_start_worker, initargs=(pickle.dumps(work), counter))
+        try:
+            counter = context.Value("q", 0) if on_progress else None
+            pool = ProcessPoolExecutor(processes, context, initializer=_start_worker, initargs=(pickle.dumps(work), counter))
+        except OSError as error:  # a container or a chroot without shared memory
+            if error.errno == errno.EMFILE:
+                raise
+            why = f"processes cannot be started ({error}); they share memory, on Linux in /dev/shm"
+            raise InputError(f"{why}: let it be written, or use one process (processes=1)") from error
         reported = 0
         try:
             waiting = {pool.submit(_work_on, item): index for index, item in enumerate(items)}

@@ -1,6 +1,7 @@
 """The process pool."""
 
 import math
+import multiprocessing.synchronize
 import os
 import time
 from functools import partial
@@ -22,6 +23,15 @@ def test_every_item_is_done_once_and_what_the_work_raises_goes_through():
 def test_a_process_that_dies_is_told_of_in_a_line():
     with pytest.raises(InputError, match=r"one of 2 processes died .* processes=1"):
         list(in_processes(os._exit, [3, 3], 2))
+
+
+def test_where_processes_can_share_no_memory_it_says_so(monkeypatch):
+    def refuse(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(multiprocessing.synchronize._multiprocessing, "SemLock", refuse)  # as without /dev/shm
+    with pytest.raises(InputError, match=r"processes cannot be started .*/dev/shm: let it be written, or use one process"):
+        list(in_processes(math.sqrt, [1.0, 4.0], 2))
 
 
 def test_here_the_work_has_one_thread_and_leaves_the_others_as_they_were():
