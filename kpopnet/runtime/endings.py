@@ -140,8 +140,9 @@ DISK_ERRORS = {*REMEDIES, errno.EPERM, errno.ENOENT, errno.EISDIR, errno.ELOOP, 
 
 def is_of_the_disk(error: BaseException | None) -> TypeGuard[OSError]:
     """Whether an error comes from the file system or its limits, and not from a mistake in the program."""
-    named = isinstance(error, OSError) and (error.errno != errno.EINVAL or error.filename is not None)  # or it is of anything
-    return named and error.errno in DISK_ERRORS
+    if not isinstance(error, OSError) or (error.errno == errno.EINVAL and error.filename is None):  # of anything
+        return False
+    return error.errno in DISK_ERRORS
 
 
 def _message(error: Exception) -> str | None:
