@@ -156,7 +156,8 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
                 page = Path(folder, "open.html")
                 page.write_text(forward_to(f"{address}?token={keys.once}"), encoding="utf-8")
                 address = page.as_uri()
-            webbrowser.open(address)
+            # Of some browsers it waits for the end, of others up to 5 s; meanwhile they want the page.
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
         try:
             await asyncio.Event().wait()
         finally:

@@ -27,7 +27,10 @@ from kpopnet.teacher.hosting import host, page_app
 host_name, files, opened = sys.argv[1], int(sys.argv[2]), sys.argv[3]
 resource.setrlimit(resource.RLIMIT_NOFILE, (files, files))
 import webbrowser
-webbrowser.open = lambda address: open(opened, "w").write(address)
+def browse(address):
+    open(opened, "w").write(address)
+    time.sleep(60)
+webbrowser.open = browse
 def make(hosts, keys):
     app = page_app("rate.html", hosts, keys, 1000)
     async def long(request):
@@ -54,7 +57,8 @@ def hosting(opened: Path, host: str = "127.0.0.1", files: int = 128) -> Iterator
     """A server of a page in a process of its own, which may open this number of files; the process and its address."""
     with running("-c", SERVER, host, files, opened) as process:
         address = process.stdout.readline().split()[2]
-        get(address)  # which it answers when it has opened the browser
+        while not (opened.exists() and opened.read_text()):
+            time.sleep(0.01)
         yield process, address
 
 
