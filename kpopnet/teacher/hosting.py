@@ -148,7 +148,8 @@ async def _serve(app: web.Application, given: argparse.Namespace, greet: Callabl
                 raise InputError(f"--host {given.host}: no address of this machine ({error.strerror or error})") from error
             place = f"--port {given.port}: cannot listen on {given.host}"
             raise InputError(f"{place} ({error.strerror}); choose another port") from error
-        host = "127.0.0.1" if given.host in ("0.0.0.0", "::") else f"[{given.host}]" if ":" in given.host else given.host
+        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(given.host, given.host)  # a server listens at one kind of address
+        host = f"[{host}]" if ":" in host else host
         address = f"http://{host}:{server.sockets[0].getsockname()[1]}/"
         greet(f"{address}{f'?token={keys.token}' if keys else ''}   (Ctrl+C ends)")
         if not given.no_browser:

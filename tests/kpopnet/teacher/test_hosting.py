@@ -113,6 +113,21 @@ def test_a_secret_reaches_the_browser_in_a_file_that_only_its_user_reads(tmp_pat
         assert process.wait(30) == 0 and not page.parent.exists()
 
 
+def has_ipv6() -> bool:
+    """Whether a server of this machine can be reached at ::1."""
+    try:
+        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+    except OSError:
+        return False
+    return True
+
+
+@pytest.mark.skipif(not has_ipv6(), reason="this machine has no IPv6")
+def test_a_server_of_all_addresses_of_ipv6_prints_one_that_it_answers(tmp_path):
+    with hosting(tmp_path / "opened", host="::") as (_, address):
+        assert address.startswith("http://[::1]:") and get(address)[0] == 200
+
+
 def test_too_many_connections_are_told_so_and_fill_no_log(tmp_path):
     with hosting(tmp_path / "opened") as (process, address):
         place = "127.0.0.1", urlsplit(address).port
