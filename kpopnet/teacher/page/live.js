@@ -11,10 +11,12 @@ export class ServerClock {
 
   heard([page_ms, server_ms]) {
     this.most = Math.min(this.most, server_ms - page_ms);
+    if (this.most < this.least) this.least = -Infinity; // of before a clock was set
   }
 
   arrived(server_ms, page_ms) {
     this.least = Math.max(this.least, server_ms - page_ms);
+    if (this.least > this.most) this.most = Infinity;
   }
 
   // How long ago a moment of the server was at one of this page, in milliseconds.

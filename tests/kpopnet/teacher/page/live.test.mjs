@@ -111,6 +111,25 @@ test("the clocks are compared by the quickest messages", () => {
   assert.equal(same.since(60, 100), 40); // late messages do not move clocks that agree
 });
 
+test("a clock that is set is known again after a few messages", () => {
+  for (const ahead_ms of [0, 1234]) for (const set_ms of [-10000, 10000]) {
+    const clock = new ServerClock();
+    let at_ms = 0, step_ms = 0, heard = null;
+    const images = () => { // one tells that the page has drawn the one before
+      for (let k = 0; k < 5; k++) {
+        clock.arrived(at_ms + ahead_ms, at_ms + 3 + step_ms);
+        if (heard) clock.heard(heard);
+        heard = [at_ms + 10 + step_ms, at_ms + 13 + ahead_ms];
+        at_ms += 33;
+      }
+    };
+    images();
+    step_ms = set_ms;
+    images();
+    assert.ok(Math.abs(clock.since(at_ms + ahead_ms, at_ms + 40 + step_ms) - 40) <= 3, `${ahead_ms} ${set_ms}`);
+  }
+});
+
 test("a lost connection is told, and the next message makes another one", () => {
   const live = listen();
   live.send({ do: "prepare" });
