@@ -225,8 +225,7 @@ async def session(request: web.Request) -> web.StreamResponse:
         return web.json_response(result, headers=attachment)
     if kind == "csv":
         return web.Response(text=as_csv(result), content_type="text/csv", headers=attachment)
-    moved = await asyncio.to_thread(_learners_movement, teaching, dance, name)
-    text = as_bvh(teaching.library.body, moved.quats, moved.hips_m, moved.fps)
+    text = await asyncio.to_thread(_learners_bvh, teaching, dance, name)
     return web.Response(text=text, content_type="text/plain", headers=attachment)
 
 
@@ -262,6 +261,11 @@ async def movement(request: web.Request) -> web.Response:
 def _learners_movement(teaching: Teaching, dance: str, name: str) -> Movement:
     learner = teaching.tries.joints(dance, name)
     return learners_movement(learner, teaching.library.dance(dance).fps, teaching.library.body)
+
+
+def _learners_bvh(teaching: Teaching, dance: str, name: str) -> str:
+    moved = _learners_movement(teaching, dance, name)
+    return as_bvh(teaching.library.body, moved.quats, moved.hips_m, moved.fps)
 
 
 class LessonPage(Page):

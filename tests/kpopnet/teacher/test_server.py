@@ -6,6 +6,7 @@ import json
 import random
 import re
 import struct
+import threading
 import time
 from collections import Counter
 from dataclasses import replace
@@ -240,6 +241,22 @@ async def test_wrong_messages_are_answered_and_start_nothing(client, teaching):
         assert (await socket.receive_json())["kind"] == "error", message
     await socket.send_str("x" * (MAX_MESSAGE_BYTES + 1))
     assert (await socket.receive()).type is aiohttp.WSMsgType.CLOSE
+
+
+@with_its_client
+async def test_the_server_goes_on_while_the_text_of_a_movement_is_written(client, teaching, tried, monkeypatch):
+    asked, base = threading.Event(), f"/api/tries/dance_001/{tried(1.0)}"
+
+    def waits(*_) -> str:
+        assert asked.wait(20)
+        return "HIERARCHY"
+
+    monkeypatch.setattr("kpopnet.teacher.server.as_bvh", waits)
+    writing = asyncio.create_task(client.told(f"{base}.bvh"))
+    await asyncio.sleep(0.5)
+    await client.told("/api/offer")
+    asked.set()
+    assert await writing == "HIERARCHY"
 
 
 @with_its_client
