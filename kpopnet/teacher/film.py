@@ -162,7 +162,8 @@ class Filming:
         except TimeoutError as error:
             raise InputError("another film is being made; wait for it, or cancel it where it was begun") from error
         try:
-            process, fraction = Process(make_film, (self._library, self._tries, dance, name), "film", UNFINISHED), 0.0
+            process, fraction = Process(make_film, (), "film", UNFINISHED), 0.0
+            process.send(self._library, self._tries, dance, name)  # larger than a pipe: a start would wait until it is read
             try:
                 while fraction < 1:
                     with contextlib.suppress(TimeoutError):
@@ -186,8 +187,11 @@ class Filming:
         self._ended = True
 
 
-def make_film(connection: Connection, library: Library, tries: Tries, dance: str, name: str) -> None:
-    """Makes a film and says how much is done, or what went wrong, until the server says anything or closes the connection."""
+def make_film(connection: Connection) -> None:
+    """Makes a film and says how much is done, or what went wrong, until the server says anything or closes the connection.
+
+    First the server says of what: the library, the tries, the dance and the name of the try.
+    """
     end_with_parent()
     with contextlib.suppress(AttributeError, OSError):  # where processes have no niceness
         os.nice(NICENESS)
@@ -204,7 +208,8 @@ def make_film(connection: Connection, library: Library, tries: Tries, dance: str
             say("progress", fraction=fraction)
             next_s = time.monotonic() + TELL_EVERY_S
 
-    with contextlib.suppress(BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
+        library, tries, dance, name = connection.recv()
         try:
             learner, result = tries.joints(dance, name), tries.result(dance, name)
             number, dancers = result.get("dancer", 0), library.dance(dance).dancers

@@ -4,8 +4,13 @@ import asyncio
 import errno
 import json
 import multiprocessing
+import os
+import signal
+import threading
 import time
+from contextlib import aclosing
 from dataclasses import replace
+from multiprocessing import resource_tracker
 from unittest.mock import Mock
 
 import cv2
@@ -148,7 +153,10 @@ async def test_the_server_ends_although_a_film_is_being_made_and_a_page_is_open(
 def test_what_goes_wrong_is_one_sentence(teaching, tried, monkeypatch):
     def told(name: str) -> str:
         ours, theirs = multiprocessing.Pipe()
-        make_film(theirs, teaching.library, teaching.tries, "dance_001", name)
+        begins = threading.Thread(target=ours.send, args=((teaching.library, teaching.tries, "dance_001", name),))
+        begins.start()  # more than a pipe holds
+        make_film(theirs)
+        begins.join()
         _, kind, content, _ = ours.recv()
         assert kind == "error" and not ours.poll()
         return content["text"]
@@ -165,6 +173,28 @@ def test_what_goes_wrong_is_one_sentence(teaching, tried, monkeypatch):
 
     monkeypatch.setattr(film, "write_film", deleted_meanwhile)
     assert "there is no such try" in told(tried(1.0)) and not left_over(teaching)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a script of the shell stands in for Python")
+def test_the_server_goes_on_while_the_process_of_a_film_starts(teaching, tried, monkeypatch, tmp_path):
+    slow = tmp_path / "python"  # which reads nothing meanwhile
+    slow.write_text(f"#!/bin/sh\nexec sleep {SOON_S}\n")
+    slow.chmod(0o700)
+    resource_tracker.ensure_running()  # by Python itself
+    monkeypatch.setattr("multiprocessing.spawn._python_exe", os.fsencode(slow))
+    films, name = Filming(teaching.library, teaching.tries), tried(1.0)
+
+    async def begin() -> float:
+        async with aclosing(films.make("dance_001", name)) as fractions:
+            return await anext(fractions)
+
+    signal.signal(signal.SIGALRM, Mock(side_effect=AssertionError("the server waits for it")))
+    signal.alarm(SOON_S // 3)
+    try:
+        assert asyncio.run(begin()) == 0
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
 
 
 def test_a_process_that_cannot_be_started_or_dies_is_told(teaching, tried, monkeypatch):
