@@ -137,7 +137,7 @@ class Watcher:
         """One image: joints, stream, and what the page shows; the number of people."""
         self._follow_away("")
         found = self._estimator.update(image.depth_m, self._camera.camera, image.taken)
-        people = [one._replace(identity=one.identity + 1) for one in found]
+        people = [one._replace(identity=one.identity + 1, network=None) for one in found]  # of which an hour may be kept
         now = time.monotonic()
         self._first = image.taken if self._first is None else self._first
         seen = Seen(self._number, image.taken - self._first, 1000 * (now - image.taken), people)

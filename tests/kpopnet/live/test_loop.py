@@ -13,6 +13,7 @@ from cone_people import CAMERA, cone_joints
 
 from kpopnet.camera import CAMERAS
 from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.estimator import Estimate
 from kpopnet.live import keeping, loop
 from kpopnet.live.loop import Watcher, Watching
 from kpopnet.live.streams import Seen
@@ -150,6 +151,18 @@ def test_a_recording_that_ends_while_kernels_are_compiled_gives_its_last_image(w
     assert [(one.number, [person.identity for person in one.people]) for one in streamed] == [(0, [1, 2])]
     watch(Images(np.arange(5) / 10), {})
     assert [one.number for one in streamed[1:]] == [0, 1, 2, 3]
+
+
+def test_what_is_never_saved_is_not_kept(watch, monkeypatch):
+    class Networked(Estimator):
+        def update(self, *image: object) -> list[PersonPose]:
+            return [one._replace(network=Estimate(one.joints_camera_m, one.confidence)) for one in super().update(*image)]
+
+    seen: list[Seen] = []
+    monkeypatch.setattr(loop, "load_estimator", lambda *given: Networked())
+    monkeypatch.setattr(keeping.JointKeeper, "add", lambda _, one: seen.append(one))
+    watch(Images([0.0, 0.1, 0.2]), {})
+    assert seen and all(person.network is None for one in seen for person in one.people)
 
 
 def test_joints_that_could_not_be_saved_are_not_begun(watch, in_turn, tmp_path):
