@@ -7,6 +7,7 @@ const WITHOUT_DEPTH = "A webcam sees no depth: its scores are less sure. A depth
   + "or behind the body, and works in any light. The picture stays in this browser.";
 
 const WIDTH = 640, HEIGHT = 480, KEPT = 8;
+const OLDEST_MS = 60000; // as of before the computer slept: the server takes no older ones, and would end the lesson
 const REFUSALS = {
   NotAllowedError: "the browser may not use the webcam; allow it beside the address of this page, then try again",
   NotFoundError: "no webcam was found; plug one in, or choose another camera",
@@ -57,8 +58,8 @@ export class Webcam {
     await pose.anew();
     while (!this.closed) {
       const taken = await nextPicture(this.video);
-      const bars = this.draw(taken), found = await pose.find(this.picture);
-      if (!this.closed) this.seen(pointsOf(found, bars), Math.max(performance.now() - taken, 0));
+      const bars = this.draw(taken), found = await pose.find(this.picture), age_ms = Math.max(performance.now() - taken, 0);
+      if (!this.closed && age_ms < OLDEST_MS) this.seen(pointsOf(found, bars), age_ms);
     }
     return undefined;
   }

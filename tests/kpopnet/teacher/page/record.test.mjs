@@ -241,6 +241,17 @@ test("a webcam's pictures are asked about like a camera's images, and one that e
   assert.ok(frames.length > 10 && frames.at(-1).time_s >= 8);
 });
 
+test("a picture of before the computer slept is not told, and the next one is", async () => {
+  const ages_ms = [], webcam = new Webcam((points, age_ms) => ages_ms.push(age_ms), assert.fail);
+  for (const age_ms of [70000, 20]) {
+    await settled();
+    video(now_ms - age_ms, {});
+  }
+  await settled();
+  webcam.close();
+  assert.deepEqual(ages_ms, [20]);
+});
+
 test("a dance that is not saved yet is not lost by a reload or a link without a question, one that was left is", async () => {
   const kept = (leave) => { let stays = false; leave({ preventDefault() { stays = true; }, target: createElement("a") }); return stays; };
   const link = (answer) => { globalThis.confirm = () => answer; return kept(listeners.click); };
