@@ -18,8 +18,10 @@ from kpopnet.tracker.estimator import TrackerEstimatorConfig
 from kpopnet.training.finder import FinderTraining
 from kpopnet.training.loop import TrainingConfig
 from synth.__main__ import GenerateConfig, parse_range
+from synth.body.shape import BodyConfig
 from synth.dances.simulate import KpopSimConfig
 from synth.motion import MotionConfig
+from synth.rooms.images import RoomImagesConfig
 from synth.samples.observe import Observer
 from synth.samples.placing import StageConfig
 from synth.samples.sampler import CameraConfig
@@ -65,6 +67,9 @@ TOLD = {
     r"benchmark\.split=": partial(KpopSimConfig, split="exam"),
     r"benchmark\.sequences=": partial(EvalSimConfig, sequences=25),
     r"benchmark\.seed=": partial(EvalSimConfig, seed=-1),
+    r"benchmark\.children=": partial(EvalSimConfig, children=1.5),
+    r"benchmark\.children=-0.1": partial(RoomImagesConfig, children=-0.1),
+    r"body\.children=": partial(BodyConfig, children=2),
     r"benchmark\.cameras.*kinect_v1": partial(CheckSimConfig, cameras=["phone"]),
     r"benchmark\.kinds=.*expected some of alone_still": partial(RoomsConfig, kinds=["alone_still", "asleep"]),
 }

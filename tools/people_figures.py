@@ -84,7 +84,7 @@ def shaded(depth_m: np.ndarray) -> np.ndarray:
 
 def clothes(photographer: Photographer) -> np.ndarray:
     """Every garment alone on the mean body, and drawn people."""
-    bare, rng = shape_person(np.zeros(len(load_body().basis), np.float32)), np.random.default_rng(3)
+    bare, rng = shape_person(np.zeros(len(load_body().basis), np.float32), load_body()), np.random.default_rng(3)
     figure = Figure(bare.bare_m, bare.heads_m, female=True)
     upright = rotations(angles(left_raise=18, right_raise=18, left_abduct=-2, right_abduct=-2)[None])[0]
     picture = partial(photographer.picture, quats=upright, joints=False)
@@ -98,10 +98,15 @@ def clothes(photographer: Photographer) -> np.ndarray:
         config = replace(NOTHING, haired=1.0, **{name: 1.0})
         turned = 100 if name in ("backpack", "long_hair") else 25
         tiles.append(picture(dress(bare, True, rng, config), yaw_deg=turned, caption=name))
-    people = [draw_person(np.random.default_rng(seed), BodyConfig(), "train") for seed in range(18)]
-    drawn = [picture(p, yaw_deg=40 * (k % 9) - 160, caption=f"person {k}") for k, p in enumerate(people)]
-    rows = [("", tiles[k : k + 9]) for k in range(0, len(tiles), 9)] + [("", drawn[k : k + 9]) for k in range(0, 18, 9)]
-    return sheet(rows, (TRUE,), "SIMULATED: garments on the mean body, then people as they are drawn")
+    rows = [("", tiles[k : k + 9]) for k in range(0, len(tiles), 9)]
+    for who, children, first in (("person", 0.0, 0), ("person", 0.0, 9), ("child", 1.0, 0)):
+        body, numbers = BodyConfig(children=children, clothes=ClothesConfig(dressed=1.0)), range(first, first + 9)
+        people = [draw_person(np.random.default_rng(number), body, "train") for number in numbers]
+        turned = zip(people, numbers, strict=True)
+        rows.append(("", [picture(p, yaw_deg=40 * (k % 9) - 160, caption=f"{who} {k}") for p, k in turned]))
+    return sheet(
+        rows, (TRUE,), "SIMULATED: garments on the mean body, then people as they are drawn, then children of 6 to 12 years"
+    )
 
 
 def stances(photographer: Photographer) -> np.ndarray:

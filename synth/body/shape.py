@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from kpopnet.errors import check_between
-from synth.body.asset import BodyAsset, load_body
+from synth.body.asset import BodyAsset, load_body, load_children
 from synth.body.garments import HELD_BACK, ORDINARY, Figure, Wardrobe
 from synth.body.outfit import ClothesConfig, put_on, unworn
 
@@ -22,16 +22,19 @@ class BodyConfig:
     """The distribution of body shapes and clothes.
 
     Attributes:
-        shape_jitter: standard deviation of each shape coefficient about those of a baked adult, in standard deviations of
-            the component over the baked adults.
+        shape_jitter: standard deviation of each shape coefficient about those of a baked person, in standard deviations of
+            the component over the baked people.
+        children: share of the people who are 6 to 12 years old; the others are adults.
         clothes: what people wear and carry.
     """
 
     shape_jitter: float = 0.25
+    children: float = 0.0
     clothes: ClothesConfig = field(default_factory=ClothesConfig)
 
     def __post_init__(self) -> None:
         check_between("body.shape_jitter", self.shape_jitter, 0, 2)
+        check_between("body.children", self.children, 0, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +52,9 @@ class Person:
 
 
 SPLIT_RANGES = {"train": (0.0, 0.8), "validation": (0.8, 0.9), "test": (0.9, 1.0), "benchmark": (0.9, 1.0)}
-"""Range of the baked adults, as fractions of all, near which the people of each split are drawn. Training and validation share
-none with another split. The people of the benchmarks are near adults of `test`, in garments that no other split has."""
+"""Range of the baked adults, and children, as fractions of all, near which the people of each split are drawn. Training and
+validation share none with another split. The people of the benchmarks are near those of `test`, in garments that no other split
+has."""
 
 BMI_MEDIAN, BMI_LOG_DEVIATION = 24.5, 0.17
 """Body mass index of adults, kg/m², as a log-normal distribution: a tenth below 19.7, a tenth above 30.5 (WHO, NCD-RisC 2016,
@@ -59,10 +63,16 @@ between its regions). Anny's own sampling draws a tenth below 18.4."""
 _BMI_BANDWIDTH = 0.08
 
 
+def _range(split: str, asset: BodyAsset) -> tuple[int, int]:
+    """The first of a split's baked people, and the first behind the last."""
+    first, end = (int(fraction * len(asset.people)) for fraction in SPLIT_RANGES[split])
+    return first, end
+
+
 @cache
 def _adults(split: str) -> tuple[int, np.ndarray]:
     """First of a split's baked adults, and their cumulative probabilities, which give them the body mass index of adults."""
-    first, end = (int(fraction * len(load_body().people)) for fraction in SPLIT_RANGES[split])
+    first, end = _range(split, load_body())
     log_bmi = np.log(load_body().facts[first:end, 3].astype(float))
     density = np.exp(-0.5 * ((log_bmi[:, None] - log_bmi) / _BMI_BANDWIDTH) ** 2).mean(axis=1)
     wanted = np.exp(-0.5 * ((log_bmi - np.log(BMI_MEDIAN)) / BMI_LOG_DEVIATION) ** 2)
@@ -71,18 +81,22 @@ def _adults(split: str) -> tuple[int, np.ndarray]:
 
 
 def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Person:
-    """A dressed person near one of the split's baked adults; of the split `benchmark`, in HELD_BACK garments."""
-    asset, (first, thresholds) = load_body(), _adults(split)
-    adult = first + int(np.searchsorted(thresholds, rng.random(), side="right"))
-    coefficients = asset.people[adult]
+    """A dressed person near one of the split's baked people; of the split `benchmark`, in HELD_BACK garments."""
+    if config.children and rng.random() < config.children:
+        asset = load_children()
+        first, end = _range(split, asset)
+        near = int(rng.integers(first, end))
+    else:
+        asset, (first, thresholds) = load_body(), _adults(split)
+        near = first + int(np.searchsorted(thresholds, rng.random(), side="right"))
+    coefficients = asset.people[near]
     coefficients = coefficients + config.shape_jitter * rng.standard_normal(len(coefficients), np.float32)
     wardrobe = HELD_BACK if split == "benchmark" else ORDINARY
-    return dress(shape_person(coefficients), bool(asset.facts[adult, 0] > 0.5), rng, config.clothes, wardrobe)
+    return dress(shape_person(coefficients, asset), bool(asset.facts[near, 0] > 0.5), rng, config.clothes, wardrobe)
 
 
-def shape_person(coefficients: np.ndarray) -> Person:
-    """The body without clothes and hair for (K,) shape coefficients."""
-    asset = load_body()
+def shape_person(coefficients: np.ndarray, asset: BodyAsset) -> Person:
+    """The body without clothes and hair for (K,) shape coefficients of `load_body`, or of `load_children`."""
     points = asset.mean.copy()
     # One component after the other: the last bits of a BLAS product differ between machines.
     for coefficient, displacement in zip(coefficients.astype(np.float32), asset.basis, strict=True):

@@ -20,6 +20,7 @@ from kpopnet.errors import check_between, check_one_of, check_seed
 from kpopnet.runtime.atomic_write import atomic_hdf5
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.viz.drawing import depth_rgb, enlarged, sheet
+from synth.body.shape import BodyConfig
 from synth.motion import SPLITS, MixedPoses, MotionConfig
 from synth.motion.poses import FAMILIES, ProceduralPoses
 from synth.rooms.scene import ClearScene, RoomScenes
@@ -50,6 +51,7 @@ class RoomImagesConfig:
         shards: number of files of 500 images.
         dances: number of dances of which single poses are taken. Each process that draws composes those it needs: 200 make
             50,000 images in half the time that 2,000 take.
+        children: share of the people who are 6 to 12 years old; the others are adults.
     """
 
     name: str = "room_images"
@@ -57,11 +59,13 @@ class RoomImagesConfig:
     split: str = "train"
     shards: int = 80
     dances: int = 2000
+    children: float = 0.0
 
     def __post_init__(self) -> None:
         check_seed("benchmark.seed", self.seed)
         check_between("benchmark.shards", self.shards, 1, 1e5)
         check_between("benchmark.dances", self.dances, 1, 1e6)
+        check_between("benchmark.children", self.children, 0, 1)
         check_one_of("benchmark.split", self.split, SPLITS)
 
 
@@ -115,7 +119,8 @@ class SceneShards(SetGenerator):
 
     @cached_property
     def scenes(self) -> RoomScenes:
-        sample = SampleConfig(motion=MotionConfig(weights=POSES, dances=self.benchmark.dances), renderer="cpu")
+        body, motion = BodyConfig(children=self.benchmark.children), MotionConfig(weights=POSES, dances=self.benchmark.dances)
+        sample = SampleConfig(body, motion, renderer="cpu")
         return RoomScenes(sample, self.benchmark.seed, self.benchmark.split, self.most_px)
 
     def measured(self, index: int, on_frame: Callable[[], None]) -> Iterator[tuple[ClearScene, MeasuredScene]]:

@@ -21,7 +21,7 @@ from kpopnet.errors import InputError, check_between, check_seed
 from kpopnet.runtime.atomic_write import atomic_hdf5, remove_unfinished, write_json
 from kpopnet.skeleton import JOINT_NAMES
 from kpopnet.viz.drawing import TRUE, depth_rgb, enlarged, probability_rgb, save_png, scene_tile, sheet, with_captions
-from synth.body.asset import ASSET
+from synth.body.asset import digest
 from synth.motion import identity_of_recordings
 from synth.resumable import make_missing
 from synth.samples.layers import silhouette_box
@@ -72,8 +72,10 @@ class SetConfig:
     def as_json(self) -> str:
         """Everything that the samples depend on, as JSON: settings but `count`, versions, the body asset and BVH files."""
         described = {name: value for name, value in dataclasses.asdict(self).items() if name != "count"}
-        body = hashlib.sha256(ASSET.read_bytes()).hexdigest()[:12]
-        described |= {"version": VERSION, "generator": GENERATOR, "body_asset": body}
+        children = described["sample"]["body"].pop("children")
+        if children:  # sets of adults are known by the settings of before there were children
+            described["sample"]["body"]["children"] = children
+        described |= {"version": VERSION, "generator": GENERATOR, "body_asset": digest(children > 0)}
         return json.dumps(described | identity_of_recordings(self.sample.motion), sort_keys=True)
 
     @property

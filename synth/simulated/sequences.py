@@ -53,15 +53,18 @@ class Selection:
         name: name of the benchmark.
         seed: another seed gives other people, dances, rooms and noise.
         sequences: number of sequences to make; they are the first ones of the whole set.
+        children: share of the people who are 6 to 12 years old; the others are adults.
     """
 
     name: str = ""
     seed: int = 0
     sequences: int = 1
+    children: float = 0.0
 
     def __post_init__(self) -> None:
         check_between("benchmark.seed", self.seed, 0, 2**32 - 1)
         check_between("benchmark.sequences", self.sequences, 1, type(self).sequences)
+        check_between("benchmark.children", self.children, 0, 1)
 
 
 @dataclass(frozen=True)
@@ -143,10 +146,14 @@ class SequenceGenerator(SetGenerator):
 
     def person(self, subject: int, redrawn: int = 0) -> Person:
         """Person `subject` of the benchmark, or who is drawn in their place where nothing fits them: 1 the next, 2 the last."""
-        return draw_person(self._rng("person", subject, *([redrawn] if redrawn else [])), self.body, self.people_of)
+        rng, body = self._rng("person", subject, *([redrawn] if redrawn else [])), self.body
+        return draw_person(rng, replace(body, children=self.benchmark.children), self.people_of)
 
     def manifest_entries(self) -> dict:
-        return {"benchmark": self.benchmark.name, "about": self.about, "truth": self.truth}
+        share, about = self.benchmark.children, self.about
+        if share:
+            about += f" Of its people {100 * share:g} % are children of 6 to 12 years."
+        return {"benchmark": self.benchmark.name, "about": about, "truth": self.truth}
 
     def frames_per_part(self) -> float:
         return sum(self.frames) / 2

@@ -1,5 +1,7 @@
 """The baked body, random people, and MuJoCo's skinning against the skinning in numpy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -18,6 +20,7 @@ from synth.scene.scene import Scene
 NUM_BONES = len(load_body().bone_names)
 NUM_VERTICES = len(load_body().weights)
 BARE = BodyConfig(clothes=ClothesConfig(**dict.fromkeys(vars(ClothesConfig()), 0.0)))
+BARE_CHILDREN = replace(BARE, children=1.0)
 
 
 @pytest.fixture(scope="module")
@@ -88,9 +91,11 @@ def is_inside(vertices: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.arctan2(above, below).sum(1) / (2 * np.pi) > 0.5
 
 
-@pytest.mark.parametrize(("source", "count"), [("poses", 16), ("choreography", 6)])
-def test_joints_lie_inside_the_body_in_generated_poses(source: str, count: int) -> None:
-    sampler = Sampler(SampleConfig(BARE, MotionConfig(source=source), renderer="cpu"), 3, "train")
+@pytest.mark.parametrize(
+    ("source", "count", "body"), [("poses", 16, BARE), ("choreography", 6, BARE), ("poses", 12, BARE_CHILDREN)]
+)
+def test_joints_lie_inside_the_body_in_generated_poses(source: str, count: int, body: BodyConfig) -> None:
+    sampler = Sampler(SampleConfig(body, MotionConfig(source=source), renderer="cpu"), 3, "train")
     for rendered in sampler.samples(0, count):
         skin_m = sampler.renderer.vertices_world_m()
         assert is_inside(skin_m, sampler.scene.joints_world_m()).all(), rendered.sample.motion

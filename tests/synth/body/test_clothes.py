@@ -15,7 +15,7 @@ from synth.scene.scene import Scene
 NOTHING = ClothesConfig(**dict.fromkeys(vars(ClothesConfig()), 0.0))
 EVERYTHING = ClothesConfig(**dict.fromkeys(vars(ClothesConfig()), 1.0))
 NUM_VERTICES = len(load_body().weights)
-BARE = shape_person(np.zeros(len(load_body().basis), np.float32))
+BARE = shape_person(np.zeros(len(load_body().basis), np.float32), load_body())
 FIGURE = Figure(BARE.bare_m, BARE.heads_m, female=True)
 WORN = ORDINARY.tops | ORDINARY.bottoms | HELD_BACK.tops | HELD_BACK.bottoms
 GARMENTS = {name: garment for name, (_, garment) in WORN.items()} | {"shoes": shoes, "hair": hair}
