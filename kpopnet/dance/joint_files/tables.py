@@ -31,6 +31,9 @@ PARTS = ("x", "y", "z", "confidence")
 
 _COLUMN = re.compile(r"(.+?)[ _.:-]?(x|y|z|confidence|visibility)", re.IGNORECASE)
 
+_WORLD = re.compile(r"^world[ _.:-]?|[ _.:-]?world$", re.IGNORECASE)
+"""What tells a point's name in the world from that in the picture."""
+
 _WHOLE = re.compile(r"\d+(\.0*)?")
 """The number of a frame, also as 5.0: some programs write whole numbers so."""
 
@@ -73,7 +76,8 @@ def joint_points(frames: list[dict], fps: float | None, where: str) -> NamedPoin
 def read_csv(path: Path) -> NamedPoints:
     """Columns NAME_x, NAME_y, NAME_z of each point, NAME_confidence or NAME_visibility and a time of TIMES if known.
 
-    Or a line for each point: columns x, y, z, the point's name, its frame and the rest. An empty cell is missing.
+    Or a line for each point: columns x, y, z, the point's name, its frame and the rest. An empty cell is missing. Where there
+    are columns world_x and x, or NAME_world_x and NAME_x, the latter say where MediaPipe's points are in the picture.
     """
     text = read_text(path)
     header_line = text.partition("\n")[0]
@@ -87,7 +91,8 @@ def read_csv(path: Path) -> NamedPoints:
     if not TIMES.keys() & {*lower}:
         aliased = {at for at, word in enumerate(lower) if word in TIME_ALIASES and _are_numbers(rows, at)}
         lower = [TIME_ALIASES[word] if at in aliased else word for at, word in enumerate(lower)]
-    wide, long = _wide_places(header), _long_places(lower)
+    (wide, wide_picture), long = _with_picture(_wide_places(header)), _long_places(lower)
+    in_picture = [lower.index(axis) for axis in "xy" if axis in lower] if long and "world_x" in lower else []
     expect(bool(wide or long), f"{path}, line 1", f"columns NAME_x, NAME_y, NAME_z, found {names_in(header) or 'none'}")
     expect(bool(rows), str(path), "a line of numbers below the header")
     for where, row in rows:
@@ -100,11 +105,22 @@ def read_csv(path: Path) -> NamedPoints:
     frames: dict[str, dict] = {}
     for where, row in rows:
         of_frame = row[frame_at].strip() if frame_at is not None and (long or numbered) else where
-        frame = frames.setdefault(of_frame, {"joints": {}} | {time: _number(row[at], where) for time, at in times.items()})
-        for name, places in _named(row, long).items() if long else wide.items():
+        time_of = {time: _number(row[at], where) for time, at in times.items()}
+        frame = frames.setdefault(of_frame, {"joints": {}, "picture": {}} | time_of)
+        named = _named(row, long) if long else wide
+        for name, places in named.items():
             expect(name not in frame["joints"], where, f"one line for {name} in a frame; {EACH_A_FILE}")
             frame["joints"][name] = [_number(row[place], where) for place in places]
-    return joint_points(_with_those_between(frames, path) if numbered else [*frames.values()], None, str(path))
+        for name, places in (dict.fromkeys(named, in_picture) if long else wide_picture).items():
+            if len(places) == 2:
+                frame["picture"][name] = [*(_number(row[place], where) for place in places), np.nan]
+    ordered = _with_those_between(frames, path) if numbered else [*frames.values()]
+    found = joint_points(ordered, None, str(path))
+    picture = joint_points([{"joints": frame["picture"]} for frame in ordered], None, str(path))
+    known = np.isfinite(shares := picture.points[..., :2])
+    # Others are pixels, of a picture whose size the file does not state.
+    are_shares = picture.names == found.names and known.any() and np.median(shares[known]) <= 1
+    return found._replace(image=shares) if are_shares else found
 
 
 def _are_numbers(rows: list[tuple[str, list[str]]], at: int) -> bool:
@@ -134,6 +150,14 @@ def _wide_places(header: list[str]) -> dict[str, list[int]]:
     return {name: [own[part] for part in PARTS if part in own] for name, own in columns.items() if own.keys() >= {*"xyz"}}
 
 
+def _with_picture(wide: dict[str, list[int]]) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
+    """The columns of points, and those of x and y in the picture of points that have columns in the world, too."""
+    of_world = {plain: name for name in wide if (plain := _WORLD.sub("", name)) in wide and plain != name}
+    others = {name: places for name, places in wide.items() if name not in of_world.values()}
+    world = {plain: wide[name][:3] + (wide[name][3:] or wide[plain][3:]) for plain, name in of_world.items()}
+    return others | world, {plain: wide[plain][:2] for plain in of_world}
+
+
 def _long_places(lower: list[str]) -> dict[str, int]:
     """Columns of a file with a line for each point, by _LONG; none of another one."""
     places = {part: lower.index(word) for part, words in _LONG.items() for word in words[::-1] if word in lower}
@@ -155,7 +179,7 @@ def _with_those_between(frames: dict[str, dict], path: Path) -> list[dict]:
     by_number = {int(number.partition(".")[0]): frame for number, frame in frames.items()}
     first, last = min(*by_number, 1), max(by_number)
     check_budget(path, (last - first + 1) * 33 * 32, f"frames {first} to {last} of 33 points")
-    return [by_number.get(number, {"joints": {}}) for number in range(first, last + 1)]
+    return [by_number.get(number, {"joints": {}, "picture": {}}) for number in range(first, last + 1)]
 
 
 def _number(cell: str, where: str) -> float:

@@ -197,8 +197,8 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path, cha
     write_landmarks(tmp_path / "picture.json", pose_landmarks=mediapipe()[..., :2] + 0.5)
     with pytest.raises(InputError, match=r"picture\.json: points in shares .* needs MediaPipe's pose_world_landmarks"):
         read_performance(tmp_path / "picture.json")
-    both = lines(mediapipe()).replace("x,y,z", "world_x,world_y,world_z,x,y,z").replace(",0.8\n", ",0.5,0.5,0,0.8\n")
-    (tmp_path / "both.csv").write_text(both)  # where they are in the picture, too
+    both = lines(mediapipe()).replace("x,y,z", "world_x,world_y,world_z,x,y,z").replace(",0.8\n", ",320,240,0,0.8\n")
+    (tmp_path / "both.csv").write_text(both)  # where they are in a picture of unknown size, too
     np.testing.assert_array_equal(read_performance(tmp_path / "both.csv").joints_m, read.joints_m)
 
 
@@ -212,6 +212,25 @@ def test_mediapipes_landmarks_in_the_picture_tell_where_a_person_stands_and_the_
     read = read_performance(write_landmarks(tmp_path / "a.json", 3, pose_world_landmarks=mediapipe(), pose_landmarks=shares))
     assert np.isnan(read.joints_m[3]).all() and np.isfinite(read.joints_m[4]).all()
     np.testing.assert_allclose(np.nanmedian(read.joints_m[:, HIPS].mean(axis=1), axis=0), place_m, atol=0.1)
+
+
+@pytest.mark.parametrize("kind", ["long", "wide"])
+def test_mediapipes_landmarks_in_the_picture_are_read_from_csv_too(tmp_path, changing_nothing, kind):
+    shares = (CAMERA.project(mediapipe() + np.array([0.2, 0.1, 3.4]))[..., :2] + 0.5) / [CAMERA.width, CAMERA.height]
+    write_landmarks(tmp_path / "a.json", pose_world_landmarks=mediapipe(), pose_landmarks=shares)
+    values = np.concatenate([mediapipe(), shares, np.full((*shares.shape[:2], 2), [0.0, 0.8])], axis=2)  # z, visibility
+    columns = "world_x", "world_y", "world_z", "x", "y", "z", "visibility"
+    if kind == "long":
+        header = "timestamp_ms", "landmark", *columns
+        rows = [
+            (40 * k, name, *one) for k, frame in enumerate(values) for name, one in zip(MEDIAPIPE_NAMES, frame, strict=True)
+        ]
+    else:
+        header = "timestamp_ms", *(f"{name}_{column}" for name in MEDIAPIPE_NAMES for column in columns)
+        rows = [(40 * k, *frame.ravel()) for k, frame in enumerate(values)]
+    (tmp_path / "a.csv").write_text("\n".join(",".join(map(str, row)) for row in [header, *rows]))
+    expected = read_performance(tmp_path / "a.json")
+    np.testing.assert_array_equal(read_performance(tmp_path / "a.csv").joints_m, expected.joints_m)
 
 
 def test_names_of_mediapipes_points_may_be_spelt_otherwise_and_a_joint_map_of_another_file_changes_nothing(tmp_path):
