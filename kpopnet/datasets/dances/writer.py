@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import astuple
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ class PackedDepth:
         return np.array(self._boxes, np.int32).reshape(-1, 4)
 
 
-def write_teacher(folder: Path, performance: Performance, about: Mapping | None = None) -> None:
+def write_teacher(folder: Path, performance: Performance, about: Mapping[str, Any] | None = None) -> None:
     """Writes DANCE/teacher.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON."""
     _write(folder / TEACHER, performance.times_s, performance.joints_m, None, about)
 
@@ -86,7 +87,7 @@ def write_learner(
     times_s: np.ndarray,
     joints_m: np.ndarray | None = None,
     depth: PackedDepth | None = None,
-    about: Mapping | None = None,
+    about: Mapping[str, Any] | None = None,
 ) -> None:
     """Writes DANCE/NAME.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON.
 
@@ -114,7 +115,11 @@ def _check_name(name: str) -> None:
 
 
 def _write(
-    path: Path, times_s: np.ndarray, joints_m: np.ndarray | None, depth: PackedDepth | None, about: Mapping | None
+    path: Path,
+    times_s: np.ndarray,
+    joints_m: np.ndarray | None,
+    depth: PackedDepth | None,
+    about: Mapping[str, Any] | None,
 ) -> None:
     arrays: dict[str, np.ndarray] = {"times_s": np.asarray(times_s, np.float64)}
     if joints_m is not None:
