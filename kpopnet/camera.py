@@ -42,8 +42,7 @@ class Camera:
     height: int
 
     def __post_init__(self) -> None:
-        if not all(isinstance(side, numbers.Integral) and side > 0 for side in (self.width, self.height)):
-            raise InputError(f"a camera's image must have at least one pixel, not {self.width}x{self.height}")
+        _check_size(self.width, self.height)
         for name in ("width", "height"):
             object.__setattr__(self, name, int(getattr(self, name)))  # those of numpy overflow
         for name in ("fx", "fy"):
@@ -69,13 +68,15 @@ class Camera:
     @classmethod
     def centred(cls, focal_px: float, width: int, height: int) -> "Camera":
         """A camera with square pixels whose principal point is the image centre."""
+        _check_size(width, height)
         return cls(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height)
 
     @classmethod
     def from_fov(cls, horizontal_deg: float, width: int, height: int) -> "Camera":
         """A camera with square pixels whose image spans 1 to 179 degrees from its left edge to its right, as in data sheets."""
-        if not 1 <= horizontal_deg <= 179:
-            raise InputError(f"a field of view of {horizontal_deg} degrees: expected the horizontal angle, 1 to 179")
+        _check_size(width, height)
+        if not isinstance(horizontal_deg, numbers.Real) or not 1 <= horizontal_deg <= 179:
+            raise InputError(f"a field of view of {horizontal_deg!r} degrees: expected the horizontal angle, 1 to 179")
         return cls.centred(width / (2 * math.tan(math.radians(horizontal_deg) / 2)), width, height)
 
     @classmethod
@@ -127,6 +128,11 @@ class Camera:
     def turned(self) -> "Camera":
         """The camera of the image turned clockwise by a right angle."""
         return Camera(self.fy, self.fx, self.height - 1 - self.cy, self.cx, self.height, self.width)
+
+
+def _check_size(width: int, height: int) -> None:
+    if not all(isinstance(side, numbers.Integral) and side > 0 for side in (width, height)):
+        raise InputError(f"a camera's image must have whole pixels, at least one, not {width!r}x{height!r}")
 
 
 CAMERAS = {
@@ -190,8 +196,9 @@ def depth_in_metres(
             and (median := np.median(depth_m[depth_m > 0])) > MAX_MEDIAN_DEPTH_M
         ):
             raise InputError(
-                f"{where}: half of the measured pixels are {median:g} m or farther away: these look like millimetres; "
-                "floating-point depth is metres, so divide it by 1000, or convert it with .astype(np.uint16)"
+                f"{where}: half of the measured pixels are {median:g} m or farther away: these look like millimetres "
+                "or centimetres; floating-point depth is metres, so divide it by 1000 or 100, or convert millimetres with "
+                ".astype(np.uint16)"
             )
     else:
         advice = "convert it, for instance with .astype(np.uint16)"
@@ -208,7 +215,8 @@ def depth_in_metres(
 def check_camera(camera: object) -> None:
     """Raises InputError for anything but a camera."""
     if not isinstance(camera, Camera):
-        raise InputError(f"camera: expected a kpopnet.camera.Camera, got {type(camera).__name__}")
+        made = "CAMERAS['kinect_2'] or Camera.from_fov(70.6, 512, 424)"
+        raise InputError(f"camera: expected a kpopnet.camera.Camera, such as {made}, got {type(camera).__name__}")
 
 
 def check_images(where: str, camera: Camera, *images: np.ndarray) -> None:

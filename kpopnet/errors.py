@@ -31,9 +31,16 @@ def check_seed(name: str, seed: int) -> None:
         raise InputError(f"{name}={seed} must be 0 or more, at most {MAX_SEED}")
 
 
+def check_number(name: str, value: float) -> None:
+    """Raises InputError for what is no number."""
+    if not isinstance(value, numbers.Real):
+        raise InputError(f"{name}={value!r:.80}: expected a number")
+
+
 def check_between(name: str, value: float, low: float, high: float) -> None:
     """Raises InputError unless low <= value <= high; NaN, and what is no number, is refused."""
-    if not isinstance(value, numbers.Real) or not low <= value <= high:
+    check_number(name, value)
+    if not low <= value <= high:
         raise InputError(f"{name}={value}: expected a number in {low:g}..{high:g}")
 
 
@@ -41,6 +48,13 @@ def check_one_of(name: str, value: str, known: Iterable[str]) -> None:
     """Raises InputError unless the value is one of those that are known, which the message lists."""
     if value not in (known := tuple(known)):
         raise InputError(f"{name}={value}: expected one of {', '.join(known)}")
+
+
+def check_type(name: str, given: object, *kinds: type) -> None:
+    """Raises InputError for what is of none of some types."""
+    if type(given) not in kinds:
+        expected = " or ".join(f"{kind.__module__}.{kind.__name__}" for kind in kinds)
+        raise InputError(f"{name}: expected a {expected}, got {given!r:.80}")
 
 
 def check_range(name: str, given: tuple[float, float], low: float, high: float) -> None:

@@ -12,7 +12,7 @@ from safetensors.numpy import load_file
 from kpopnet.data.cube import INPUTS
 from kpopnet.errors import InputError
 from kpopnet.networks import WEIGHTS, ModelConfig, check_description, read_meta
-from kpopnet.runtime.input_files import expect, names_in, parse_json, read_with
+from kpopnet.runtime.input_files import as_path, expect, names_in, parse_json, read_with
 from kpopnet.runtime.provenance import optional_library
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.weights import shipped
@@ -69,7 +69,7 @@ def read_description(checkpoint: Path | str | None) -> dict:
 
 
 def _place(checkpoint: Path | str | None) -> Path:
-    return shipped("joints")[0].parent if checkpoint is None else Path(checkpoint)
+    return shipped("joints")[0].parent if checkpoint is None else as_path(checkpoint)
 
 
 def shipped_session(network: str) -> Any:

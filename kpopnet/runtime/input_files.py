@@ -85,6 +85,14 @@ def first_line(error: BaseException) -> str:
     return next(iter(str(error).splitlines()), type(error).__name__)[:200]
 
 
+def as_path(given: Path | str) -> Path:
+    """The path that a caller gives; raises InputError for what is none, such as None."""
+    try:
+        return Path(given)
+    except TypeError:
+        raise InputError(f"expected the path of a file or folder, got {given!r:.80}") from None
+
+
 def expect(condition: bool, where: str, expectation: str) -> None:
     """Raises InputError("WHERE: expected EXPECTATION") unless the condition holds."""
     if not condition:

@@ -6,8 +6,9 @@ from dataclasses import astuple
 from functools import partial
 from pathlib import Path
 
-from kpopnet.camera import CAMERAS, Camera
-from kpopnet.errors import InputError
+from kpopnet.camera import CAMERAS, Camera, check_camera
+from kpopnet.errors import InputError, check_number
+from kpopnet.runtime.input_files import as_path
 from kpopnet.runtime.untrusted import iterate_in_child, read_in_child
 from kpopnet.sources import arrays, folders, images, phones, ros, stream, video
 from kpopnet.sources.camera_files import read_optics
@@ -85,7 +86,10 @@ def open_depth(
         depth_scale: how many of the stored numbers make a metre, as 5000 in the TUM data set; None takes what the recording
             states, else 1000 for integers and 1 for floating-point numbers.
     """
-    path = Path(path)
+    path = as_path(path)
+    for name, number in (("fps", fps), ("depth_scale", depth_scale)):
+        if number is not None:
+            check_number(name, number)
     recording = _described(path, key, in_child)
     check_size(str(path), recording.width, recording.height, recording.frames)
     stated = recording.fps if fps is None else fps
@@ -96,7 +100,7 @@ def open_depth(
         raise InputError(f"{path}: {depth_scale:g} units a metre; expected a positive number, such as 1000 for millimetres")
     if depth_scale is not None and path.suffix.lower() == ".depth":
         raise InputError(f"{path}: its first line states the unit of its depth; leave --depth-scale out")
-    chosen = camera or (recording.camera and Optics(recording.camera, recording.lens))
+    chosen = camera if camera is not None else recording.camera and Optics(recording.camera, recording.lens)
     if chosen is None:
         raise InputError(
             f"{path}: does not state its camera; give a preset ({', '.join(CAMERAS)}) or a file of intrinsics (--camera), "
@@ -104,6 +108,7 @@ def open_depth(
         )
     found = chosen(recording.width, recording.height) if callable(chosen) else chosen
     known = found if isinstance(found, Optics) else Optics(found)
+    check_camera(known.camera)
     view = known.view().rotated(rotate_deg)
     given = stated or DEFAULT_FPS, stated is not None, recording.frames, recording.images
     units = recording.units_per_m if depth_scale is None else depth_scale

@@ -84,9 +84,13 @@ def test_a_field_of_view_spans_the_image_from_edge_to_edge():
     assert camera.fx == pytest.approx(160)
     left, right = camera.back_project(np.array([[-0.5, 0, 1], [319.5, 0, 1]]))[:, 0]  # edges of pixels
     assert np.degrees(np.arctan(right) - np.arctan(left)) == pytest.approx(90)
-    for wrong in (0, 180, float("nan")):
+    for wrong in (0, 180, float("nan"), "58", None):
         with pytest.raises(InputError, match="field of view"):
             Camera.from_fov(wrong, 320, 240)
+    for make in (Camera.from_fov, Camera.centred):
+        for wrong in ("320", None, 320.0, 0):
+            with pytest.raises(InputError, match="a camera's image must have whole pixels"):
+                make(90, wrong, 240)
 
 
 def test_a_matrix_of_intrinsics_is_read_and_a_foreign_one_refused():

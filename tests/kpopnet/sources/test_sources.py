@@ -326,3 +326,15 @@ def test_a_path_of_no_known_kind_is_refused(name, told, tmp_path):
         (tmp_path / name).write_text("notes")
     with pytest.raises(InputError, match=f"{name}: .*{told}"):
         open_depth(tmp_path / name, CAMERA)
+
+
+def test_mistaken_arguments_of_opening_are_one_line(tmp_path):
+    np.save(path := tmp_path / "a.npy", np.full((2, 240, 320), 2000, np.uint16))
+    for camera in ("kinect_v1", {"fx": 1}, np.eye(3), lambda width, height: None):
+        with pytest.raises(InputError, match=r"camera: expected a kpopnet\.camera\.Camera, such as CAMERAS"):
+            open_depth(path, camera, rotate_deg=90)
+    for wrong in ({"fps": "30"}, {"depth_scale": "1000"}):
+        with pytest.raises(InputError, match=f"{next(iter(wrong))}='.*': expected a number"):
+            open_depth(path, CAMERAS["kinect_v1"], **wrong)
+    with pytest.raises(InputError, match="expected the path of a file or folder, got None"):
+        open_depth(None, CAMERA)
