@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Sequence
+from numbers import Integral
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -71,6 +72,12 @@ class Judge(Estimator, Protocol):
         ...
 
 
+def check_estimator(name: str, given: object) -> None:
+    """Raises InputError for what is no estimator, such as None, a class or the name of one."""
+    if isinstance(given, type) or not callable(getattr(given, "estimate", None)):
+        raise InputError(f"{name}: expected an estimator, such as NetworkEstimator(), got {given!r:.80}")
+
+
 def base_estimator(estimator: Estimator) -> Estimator:
     """The wrapped estimator if this one refines the joints of another, else the estimator itself."""
     return getattr(estimator, "estimator", estimator)
@@ -112,6 +119,8 @@ def track_sequence(tracker: FrameTracker, depth_m: np.ndarray, start: Start | No
     """
     found, first = Estimate.missing(len(depth_m)), 0
     if start is not None:
+        if not isinstance(start, Start) or not isinstance(start.frame, Integral) or start.frame < 0:
+            raise InputError(f"start: expected a kpopnet.estimator.Start, with a frame from 0 on, got {start!r:.80}")
         first = start.frame
         tracker.start(start.joints_camera_m)
     for frame in range(first, len(depth_m)):

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import expit
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.errors import InputError, check_one_of
+from kpopnet.errors import InputError, check_one_of, check_type
 from kpopnet.estimator import Estimate, Start, complete_joints, track_sequence
 from kpopnet.geometry.human_model import DISTANCES, HumanModel
 from kpopnet.paper_tracker.algorithm2 import Frame, Plan, State, frame_of, track_frame
@@ -198,6 +198,7 @@ class PaperTrackerEstimator:
 
     def __init__(self, config: PaperTrackerConfig = PaperTrackerConfig()) -> None:
         """Loads the human model if the settings name one. Raises InputError if the model cannot be read."""
+        check_type("config", config, PaperTrackerConfig)
         self.config = config
         self.model = None if config.model is None else HumanModel.load(config.model)
         self.starts_from_label = config.start == "label"

@@ -12,10 +12,10 @@ import numpy as np
 
 from kpopnet.camera import Camera, check_camera, image_in_metres, subsampled, tells_unit
 from kpopnet.errors import InputError, check_between, check_one_of
-from kpopnet.estimator import FRAME_S, Estimate, Estimator
+from kpopnet.estimator import FRAME_S, Estimate, Estimator, check_estimator
 from kpopnet.human import Looker
 from kpopnet.networks.estimator import NetworkEstimator
-from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor
+from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor, extraction_name
 from kpopnet.pose.person import MODES, DetectedPerson, Pose, TrackedPerson, detected, joined
 from kpopnet.sources.source import DepthSource, TimedDepth
 
@@ -41,7 +41,7 @@ class PersonPose(NamedTuple):
 
 
 class PoseEstimator:
-    """Estimates the joints of people in depth images."""
+    """Estimates the joints of people in depth images, of one camera in one thread: others have an estimator of their own."""
 
     def __init__(
         self, network: Estimator | None, mode: str = "realtime", people: int = 1, extraction: Any = DEFAULT_EXTRACTION
@@ -56,13 +56,16 @@ class PoseEstimator:
             extraction: settings of what finds the people, of a type in `kpopnet.pose.extraction.EXTRACTIONS`.
 
         Raises:
-            InputError: an unknown mode, or fewer than one person or more than MAX_PEOPLE.
+            InputError: an unknown mode, no network for it, or fewer than one person or more than MAX_PEOPLE.
         """
+        self.network, self.mode, self.people, self.extraction = network, mode, people, extraction
         check_one_of("mode", mode, MODES)
+        if mode != "tracker":
+            check_estimator("network", network)
+        extraction_name(extraction)
         if not isinstance(people, Integral):
             raise InputError(f"people: expected a whole number, got {people!r}")
         check_between("people", people, 1, MAX_PEOPLE)
-        self.network, self.mode, self.people, self.extraction = network, mode, people, extraction
         self.reset()
 
     @classmethod
@@ -107,7 +110,8 @@ class PoseEstimator:
         Raises:
             InputError: depth of another type or size; floats that look like millimetres; a time that is no finite number.
         """
-        check_between("time_s", time_s or 0, -LATEST_S, LATEST_S)
+        if time_s is not None:
+            check_between("time_s", time_s, -LATEST_S, LATEST_S)
         found = self._found(depth, camera, self.people, time_s)
         return [PersonPose(identity, pose.joints_camera_m, pose.confidence, pose.network) for identity, pose in found.items()]
 
@@ -135,8 +139,9 @@ class PoseEstimator:
         check_camera(camera)
         if isinstance(depth, np.ndarray) and depth.ndim == 2:
             depth = depth[None]
-        if not isinstance(depth, Iterable) or (isinstance(depth, np.ndarray) and not depth.ndim):
-            raise InputError(f"depth: expected an array or images one after another, got {type(depth).__name__}")
+        if not isinstance(depth, Iterable) or isinstance(depth, str) or (isinstance(depth, np.ndarray) and not depth.ndim):
+            opened = "; kpopnet.sources.open_depth opens a recording" if isinstance(depth, str | Path) else ""
+            raise InputError(f"depth: expected an array or images one after another, got {type(depth).__name__}{opened}")
         if isinstance(depth, DepthSource):
             depth = depth.timed()  # its own times, which the images alone do not have
         frames: list[dict[int, Pose]] = []

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres
+from kpopnet.errors import check_between, check_type
 from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.human import Human, Looker
 from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
@@ -39,7 +40,8 @@ DEFAULT_EXTRACTION = FinderConfig()
 
 
 def extraction_name(settings: Any) -> str:
-    """The name in `EXTRACTIONS` of these settings."""
+    """The name in `EXTRACTIONS` of these settings; raises InputError for others."""
+    check_type("extraction", settings, *(schema for schema, _ in EXTRACTIONS.values()))
     return next(name for name, (schema, _) in EXTRACTIONS.items() if type(settings) is schema)
 
 
@@ -57,6 +59,7 @@ def extract_person(depth_m: np.ndarray, camera: Camera, settings: Any = DEFAULT_
     If several people are found, it is the one found in most images; of equals, the one found first. The recording is (T, H, W)
     float32 metres, 0 where nothing was measured. Raises InputError for anything but depth images of the camera's size.
     """
+    check_between("fps", fps, 1, 1000)
     extractor = build_extractor(camera, settings)
     images = enumerate(sequence_in_metres(depth_m, camera))
     found = [{human.identity: human for human in extractor.extract(image, number / fps)} for number, image in images]

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.errors import check_one_of
-from kpopnet.estimator import Estimate, Estimator, Judge
+from kpopnet.errors import check_between, check_one_of
+from kpopnet.estimator import Estimate, Estimator, Judge, check_estimator
 from kpopnet.human import Human, Look
 from kpopnet.networks.over_time import ANOTHER_AFTER_S, Live, Measured, OverTime, read
 from kpopnet.skeleton import MIRROR
@@ -144,6 +144,8 @@ class PersonEstimator:
     def __init__(self, network: Estimator, mode: str, fps: float = 30.0) -> None:
         """Wraps a network that estimates joints in single frames."""
         check_one_of("mode", mode, MODES)
+        check_estimator("network", network)
+        check_between("fps", fps, 1, 1000)
         self.estimator, self.name, self.fps = network, mode, fps
         self.sees_future = mode == "best"
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.errors import InputError, check_one_of
-from kpopnet.estimator import WHOLE_ROOM, Estimate, Estimator, Start, shows_a_room, track_sequence
+from kpopnet.errors import InputError, check_one_of, check_type
+from kpopnet.estimator import WHOLE_ROOM, Estimate, Estimator, Start, check_estimator, shows_a_room, track_sequence
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.tracker.start import AWAITED, WAYS
 from kpopnet.tracker.tracker import Tracker
@@ -49,6 +49,9 @@ class TrackerEstimator:
 
         Raises InputError: the model cannot be read, or a network is set without a detector.
         """
+        check_type("config", config, TrackerEstimatorConfig)
+        if detector is not None:
+            check_estimator("detector", detector)
         if config.network is not None and detector is None:
             raise InputError(f"network={config.network}: give detector=NetworkEstimator({config.network!r}) with it")
         self.config = config

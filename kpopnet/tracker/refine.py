@@ -7,7 +7,7 @@ The fit locates the surface to a centimetre, but diverges from a distant start.
 import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.estimator import Estimate, Estimator
+from kpopnet.estimator import Estimate, Estimator, check_estimator
 from kpopnet.geometry.depth_grid import MIN_POINTS, build_depth_grid
 from kpopnet.tracker.body_estimate import DETECTION_PRIOR_WEIGHT, FIT_ITERATIONS, BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, fit_score, probability, refined_evidence
@@ -25,6 +25,7 @@ class FittedEstimator:
 
     def __init__(self, estimator: Estimator) -> None:
         """Wraps the estimator whose joints are refined."""
+        check_estimator("estimator", estimator)
         self.estimator = estimator
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:

@@ -47,6 +47,6 @@ def test_the_first_frames_are_done_once_untimed():
 
 @pytest.mark.parametrize(("device", "clock"), [("cpu", time.process_time), ("cuda", time.perf_counter)])
 def test_the_clock_is_that_of_what_the_network_works_on(device, clock):
-    network = SimpleNamespace(backend=SimpleNamespace(device=torch.device(device)))
+    network = SimpleNamespace(backend=SimpleNamespace(device=torch.device(device)), estimate=len)
     assert Timed(len, device_of(FittedEstimator(network)))._clock is clock
     assert device_of(NetworkEstimator()) == "cpu"

@@ -11,8 +11,8 @@ from extraction_scenes import compose, room, shifted, standing
 
 from kpopnet.camera import MOST_PIXELS, Camera
 from kpopnet.errors import InputError
-from kpopnet.estimator import Estimate
-from kpopnet.finder.finder import PersonFinder
+from kpopnet.estimator import Estimate, Start
+from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.human import Human
 from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
@@ -22,7 +22,7 @@ from kpopnet.pose.person import DetectedPerson, PersonEstimator, detected
 from kpopnet.skeleton import MIRROR
 from kpopnet.sources import open_depth
 from kpopnet.sources.source import TimedDepth
-from kpopnet.tracker.estimator import TrackerEstimator
+from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
 from kpopnet.tracker.refine import FittedEstimator
 
 CAMERA = Camera.centred(100.0, 80, 60)
@@ -129,9 +129,38 @@ def test_large_images_are_reduced_before_anything_looks_at_them():
 
 
 def test_wrong_settings_are_refused_by_name():
-    for wrong in ({"mode": "fast"}, {"people": 17}, {"people": 1.5}):
+    for wrong in ({"mode": "fast"}, {"people": 17}, {"people": 1.5}, {"extraction": "finder"}, {"extraction": FinderConfig}):
         with pytest.raises(InputError, match=next(iter(wrong))):
             PoseEstimator(Blob(), **wrong)
+
+
+@pytest.mark.parametrize("wrong", [None, "outputs/train/RUN/best", Blob])
+def test_what_is_no_network_is_refused_at_once(wrong):
+    wrapped = PoseEstimator, FittedEstimator, lambda one: PersonEstimator(one, "best"), lambda one: TrackerEstimator(NAMED, one)
+    for wrap in wrapped:
+        with pytest.raises(InputError, match=r"expected an estimator|give detector="):
+            wrap(wrong)
+
+
+NAMED = TrackerEstimatorConfig(network="outputs/train/RUN/best")
+
+
+def test_mistaken_arguments_of_estimators_are_one_line():
+    start = Start(-1, POSE_M)
+    for mistaken, message in (
+        (lambda: PoseEstimator(Blob()).estimate("dance.npz", CAMERA), r"got str; kpopnet\.sources\.open_depth opens"),
+        (lambda: PoseEstimator(Blob()).update(DEPTH[0], CAMERA, ""), "time_s='': expected a number"),
+        (lambda: PoseEstimator.load(3), "expected the path of a file or folder, got 3"),
+        (lambda: TrackerEstimator("standing"), "config: expected a .*TrackerEstimatorConfig, got 'standing'"),
+        (lambda: PaperTrackerEstimator("y_pose"), "config: expected a .*PaperTrackerConfig, got 'y_pose'"),
+        (lambda: TrackerEstimator().estimate(DEPTH, CAMERA, POSE_M), r"start: expected a kpopnet\.estimator\.Start"),
+        (lambda: PaperTrackerEstimator().estimate(DEPTH, CAMERA, start), "start: .* with a frame from 0 on"),
+        (lambda: PersonEstimator(Blob(), "best", 0), "fps=0: expected a number in 1..1000"),
+        (lambda: extract_person(DEPTH, CAMERA, fps=0), "fps=0: expected a number in 1..1000"),
+        (lambda: extract_person(DEPTH, CAMERA, "finder"), "extraction: expected a .*FinderConfig or .*, got 'finder'"),
+    ):
+        with pytest.raises(InputError, match=message):
+            mistaken()
 
 
 def test_two_people_of_a_room_are_followed_in_their_identities():
