@@ -12,7 +12,7 @@ import numpy as np
 
 from kpopnet.dance.diagnosis import RecordingFault
 from kpopnet.dance.dimensions.stage import runs
-from kpopnet.dance.scoring import DanceScore
+from kpopnet.dance.scoring import DanceScore, check_beat
 from kpopnet.dance.window import LIMBS
 from kpopnet.dance.words.causes import CAUSES, causes
 from kpopnet.dance.words.moments import (
@@ -31,6 +31,7 @@ from kpopnet.dance.words.moments import (
     span,
     timing_moments,
 )
+from kpopnet.errors import InputError
 from kpopnet.languages import Said
 
 MOMENTS_PER_PHRASE = 3
@@ -97,6 +98,10 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
     and delays are given in beats. Hints whose cause is among the faults that `kpopnet.dance.diagnosis.diagnose` found are left
     out.
     """
+    if not isinstance(score, DanceScore):
+        why = "; before the first window there is no score so far" if score is None else ""
+        raise InputError(f"score: expected a DanceScore, as score_dance makes, got {type(score).__name__}{why}")
+    check_beat(beat_s)
     unseen, danced_s, middle = list(_unseen(score)), span(score, slice(None)), score.windows.middle_s
     phrase_s = phrase_length_s(beat_s)
     phrases_s = _phrases_s(score, phrase_s, on_beat=bool(beat_s))

@@ -15,8 +15,9 @@ import numpy as np
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.performance import (
     KERNEL_RADIUS_S,
+    MAX_TIME_S,
     Performance,
-    as_performance,
+    checked_dance,
     mask_missing_joints,
     numbers,
     resampled,
@@ -37,7 +38,7 @@ from kpopnet.dance.scoring import (
     preferred,
 )
 from kpopnet.dance.window import FPS, PARTS, WINDOW_FRAMES, WindowScore
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_between
 from kpopnet.skeleton import NUM_JOINTS
 
 MOST_BEHIND = round(FPS)
@@ -67,7 +68,7 @@ class OnlineScorer:
 
         Raises InputError if the teacher's dance is shorter than a window, and as `noise_between`.
         """
-        scorer = beside(scorer, as_performance(teacher, None, "teacher"))
+        scorer = beside(scorer, checked_dance(teacher, "the teacher's dance"))
         self.scorer, self.lag_s = scorer, KERNEL_RADIUS_S
         self._derives_torso = derives_torso(scorer, teacher, torso_is_derived)
         self._grid = TimeGrid(derived_torso(teacher) if self._derives_torso else teacher, scorer.feature, free_s=free_s)
@@ -91,12 +92,10 @@ class OnlineScorer:
         The (15, 3) joints are in the camera frame, metres, NaN where missing, their (15,) confidence in 0..1 is 1 by default;
         the time is in seconds on the teacher's clock, later than that of the previous sample.
         """
-        joints_m, time_s = numbers("joints", joints_m), time_s - self.scorer.latency_s
+        joints_m = numbers("joints", joints_m)
         if joints_m.shape != (NUM_JOINTS, 3):
             raise InputError(f"joints of shape {joints_m.shape}: a frame has ({NUM_JOINTS}, 3)")
-        if not math.isfinite(time_s) or (self._samples and time_s <= self._samples[-1][0]):
-            given_s = time_s + self.scorer.latency_s
-            raise InputError(f"a frame at {given_s} s: times must be finite and increase from frame to frame")
+        time_s = self._on_clock(time_s)
         joints_m, confidence = mask_missing_joints(joints_m, confidence)
         if self._derives_torso:
             joints_m, confidence = with_derived_torso(joints_m, confidence)
@@ -109,6 +108,16 @@ class OnlineScorer:
         self._score_frames(time_s - self.lag_s, len(self._grid.frames))
         return self._latest
 
+    def _on_clock(self, given_s: float) -> float:
+        """The time of the next sample without the latency; raises InputError where it can be none."""
+        try:
+            time_s = float(given_s) - self.scorer.latency_s
+        except (TypeError, ValueError, OverflowError):
+            raise InputError(f"a frame at {given_s!r:.80}: expected its time in seconds") from None
+        if not math.isfinite(time_s) or (self._samples and time_s <= self._samples[-1][0]):
+            raise InputError(f"a frame at {given_s} s: times must be finite and increase from frame to frame")
+        return time_s
+
     def preview(self, end_s: float, least_s: float) -> OnlineScore | None:
         """The score of the window that ends at a time, from the samples that have arrived; None if there is no such window.
 
@@ -116,6 +125,8 @@ class OnlineScorer:
         dance's score stays as it is. The end is in seconds on the teacher's clock, without the set-up's latency, and not after
         the latest sample. At the dance's begin a window may be shorter than WINDOW_S, but not than `least_s`.
         """
+        check_between("end_s", end_s, -MAX_TIME_S, MAX_TIME_S)
+        check_between("least_s", least_s, 0, MAX_TIME_S)
         stop = min(self._grid.frame_until(end_s) + 1, len(self._grid.frames))
         start = max(stop - WINDOW_FRAMES, 0)
         if not self._samples or stop - start < min(round(least_s * FPS), WINDOW_FRAMES):

@@ -21,6 +21,7 @@ differences leave (`kpopnet.dance.noise.steady`), for such a quotient excuses ma
 
 import math
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import ClassVar
 
 import numpy as np
@@ -112,8 +113,8 @@ class PartScorer:
     def __post_init__(self) -> None:
         object.__setattr__(self, "mirrored", str(self.mirrored).lower())  # Hydra reads true and false as bool
         check_settings(self.alpha, self.beta, self.tau)
-        if not abs(self.latency_s) <= 5:
-            raise InputError(f"latency_s={self.latency_s}: expected -5 to 5 seconds")
+        if not isinstance(self.latency_s, Real) or not abs(self.latency_s) <= 5:
+            raise InputError(f"latency_s={self.latency_s!r}: expected -5 to 5 seconds")
         check_one_of("mirrored", self.mirrored, ("false", "true", "auto"))
         check_one_of("noise", self.noise, ("auto", *NOISE))
 

@@ -8,6 +8,7 @@ joint that jumps away for one or two frames hardly moves the line.
 
 import math
 from collections.abc import Sequence
+from numbers import Real
 
 import numpy as np
 from numba import njit
@@ -105,14 +106,31 @@ class Performance:
 
 def as_performance(dance: Performance | np.ndarray, fps: float | None, whose: str) -> Performance:
     """A dance that may be given as (T, 15, 3) joints in metres in the camera frame, whose first frame is at time 0."""
+    if isinstance(dance, Performance | str) or not hasattr(dance, "__len__"):
+        return checked_dance(dance, f"the {whose}'s dance")
+    if not isinstance(fps, Real) or not 0 < fps <= 1000:
+        raise InputError(f"the {whose}'s dance is an array without times and fps={fps!r}; give its frames per second, fps=30")
     try:
-        if isinstance(dance, Performance):
-            return check_rate(dance)
-        if fps is not None and 0 < fps <= 1000:
-            return check_rate(Performance(dance, np.arange(len(dance)) / fps))
-    except (InputError, TypeError) as error:  # a TypeError of what has no length
+        return check_rate(Performance(dance, np.arange(len(dance)) / fps))
+    except InputError as error:
         raise InputError(f"the {whose}'s dance: {error}") from error
-    raise InputError(f"the {whose}'s dance is an array without times and fps={fps}; give its frames per second, fps=30")
+
+
+def checked_dance(dance: object, which: str) -> Performance:
+    """The dance; raises InputError, for `which` one, as `check_rate`, and for anything but a performance."""
+    performance = check_dance(dance, which)
+    try:
+        return check_rate(performance)
+    except InputError as error:
+        raise InputError(f"{which}: {error}") from error
+
+
+def check_dance(dance: object, which: str) -> Performance:
+    """The dance; raises InputError, for `which` one, for anything but a performance."""
+    if not isinstance(dance, Performance):
+        made = "Performance(joints_m, times_s) or read_performance(path)"
+        raise InputError(f"{which}: expected a Performance, as {made} makes, got {type(dance).__name__}")
+    return dance
 
 
 def from_absolute_clocks(dances: Sequence[Performance]) -> list[Performance]:
@@ -120,6 +138,8 @@ def from_absolute_clocks(dances: Sequence[Performance]) -> list[Performance]:
 
     Those of a dance that was recorded together with the first one count from the first one's: they share its clock.
     """
+    for one in dances:
+        check_dance(one, "a dance")
     first, found = dances[0], []
     for one in dances:
         together = one.times_s[0] < first.times_s[-1] and first.times_s[0] < one.times_s[-1]

@@ -23,7 +23,7 @@ from kpopnet.dance.noise.steady import FEATURE
 from kpopnet.dance.noise.table import known_noise, noise_between
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
 from kpopnet.dance.parts import PartScorer, PartTeacher
-from kpopnet.dance.performance import Performance, as_performance, resampled, with_derived_torso
+from kpopnet.dance.performance import Performance, as_performance, numbers, resampled, with_derived_torso
 from kpopnet.dance.timing import MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore, not_compared
 from kpopnet.errors import InputError, check_between, check_one_of
@@ -49,12 +49,17 @@ Settings of these three were chosen by one rule on the same dances (tools/calibr
 MOST_WEIGHT = 1e6
 """Of a figure in a total: more than anybody needs, and sums of such are finite."""
 
+BEATS_S = 0.05, 10.0
+"""Shortest and longest beat of a music, seconds."""
+
 MIRROR_MARGIN = 10.0
 """Points by which the mirrored comparison has to be better before it is preferred, or hinted at."""
 
 
 def check_weights(weights: Mapping[str, float]) -> None:
     """Raises InputError for a name that is none of `FIGURES`, or weights that are negative or all 0; none at all are right."""
+    if not isinstance(weights, Mapping):
+        raise InputError(f"weights: expected numbers by name, such as {{'similarity': 1}}, got {weights!r:.80}")
     for name, weight in weights.items():
         check_one_of("weights", name, FIGURES)
         check_between(name, weight, 0, MOST_WEIGHT)
@@ -62,11 +67,22 @@ def check_weights(weights: Mapping[str, float]) -> None:
         raise InputError("weights: expected one above 0")
 
 
-def check_free(free_s: Stretches) -> None:
-    """Raises InputError for a stretch that does not end after its begin."""
-    for begin_s, end_s in free_s:
+def check_free(free_s: Stretches) -> list[tuple[float, float]]:
+    """The stretches; raises InputError for one that does not end after its begin, and for anything but pairs of numbers."""
+    try:
+        checked = [(float(begin_s), float(end_s)) for begin_s, end_s in free_s]
+    except (TypeError, ValueError):
+        raise InputError(f"free: expected pairs of seconds, such as [(12, 20)], got {free_s!r:.80}") from None
+    for begin_s, end_s in checked:
         if not begin_s < end_s:
             raise InputError(f"free from {begin_s:g} to {end_s:g} s: expected an end after the begin")
+    return checked
+
+
+def check_beat(beat_s: float | None) -> None:
+    """Raises InputError for a beat that no music has; None is not known, nor is 0."""
+    if beat_s is not None and beat_s != 0:
+        check_between("seconds of a beat", beat_s, *BEATS_S)
 
 
 class Windows(NamedTuple):
@@ -136,6 +152,7 @@ class DanceScore(NamedTuple):
 
     def beats_s(self, beat_s: float | None) -> np.ndarray | None:
         """(B,) times of the dance's beats, from the seconds of one: its multiples on the teacher's clock. None without one."""
+        check_beat(beat_s)
         if not beat_s:
             return None
         first = math.floor(self.windows.start_s[0] / beat_s)
@@ -184,9 +201,12 @@ class DanceScore(NamedTuple):
         return dynamics(*self._within(inside), matched)
 
     def _rhythm(self, beats_s: np.ndarray | None, inside: np.ndarray) -> Rhythm | None:
-        if beats_s is None or not len(beats_s):
+        if beats_s is None:
             return None
-        return rhythm(*self._within(inside), np.asarray(beats_s) - self.windows.start_s[0])
+        at_s = numbers("beats", beats_s)
+        if at_s.ndim != 1:
+            raise InputError(f"beats of shape {at_s.shape}: expected the times of beats, as DanceScore.beats_s(0.5) gives them")
+        return rhythm(*self._within(inside), at_s - self.windows.start_s[0]) if len(at_s) else None
 
     def _within(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The (T, 15, 3) joints of teacher and learner at some of the frames, NaN at the others."""
@@ -243,7 +263,12 @@ def score_dance(
 
 
 def beside(scorer: Scorer, teacher: Performance) -> Scorer:
-    """A scorer with the noise of its learners' estimator against this teacher's joints; raises as `noise_between`."""
+    """A scorer with the noise of its learners' estimator against this teacher's joints.
+
+    Raises InputError as `noise_between`, and for anything but a scorer.
+    """
+    if not isinstance(scorer, Scorer):
+        raise InputError(f"scorer: expected one such as kpopnet.dance.scoring.SCORERS['dance22'], got {scorer!r:.80}")
     return replace(scorer, noise=noise_between(teacher.estimator, scorer.noise)) if isinstance(scorer, PartScorer) else scorer
 
 
@@ -288,9 +313,8 @@ class TimeGrid:
             )
         joints = self.resampled(teacher, self.frames)
         self.teacher_m, self.teacher = joints[0], self.features(*joints)
-        check_free(free_s)
         times_s, self.is_free = self.time_s(self.frames), np.zeros(len(self.frames), bool)
-        for begin_s, end_s in free_s:
+        for begin_s, end_s in check_free(free_s):
             self.is_free |= (times_s >= begin_s) & (times_s < end_s)
         # What is not taught neither costs nor attracts a match; nor do changes and turns that began in it.
         earlier = np.array([name in OF_EARLIER_FRAMES for name in FEATURES[feature].names])

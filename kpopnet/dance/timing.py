@@ -3,7 +3,10 @@
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from kpopnet.dance.performance import numbers
+from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
 MIN_POSTURE = 50.0
@@ -58,12 +61,15 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray, weight:
     return float(1 - slope) if np.median(abs(slopes - slope)) <= MOST_SPREAD else math.nan
 
 
-def measured_latency_s(delay_s: np.ndarray, posture: np.ndarray) -> float:
+def measured_latency_s(delay_s: ArrayLike, posture: ArrayLike) -> float:
     """The constant delay of a set-up, for `PartScorer.latency_s`, from a short dance that was danced on time.
 
     It is the median of the (N,) delays in seconds over the windows of a posture of at least MIN_POSTURE; NaN with fewer than
     MIN_WINDOWS of them.
     """
+    delay_s, posture = numbers("delays", delay_s), numbers("postures", posture)
+    if delay_s.shape != posture.shape:
+        raise InputError(f"delays of shape {delay_s.shape}, postures of {posture.shape}: expected one of each a window")
     good = np.isfinite(delay_s) & (posture >= MIN_POSTURE)
     return float(np.median(delay_s[good])) if good.sum() >= MIN_WINDOWS else math.nan
 

@@ -2,6 +2,7 @@
 
 import math
 from functools import cache
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -78,8 +79,8 @@ def part_of_angles(feature: str) -> np.ndarray:
 def check_settings(alpha: float, beta: float, tau: float) -> None:
     """Raises InputError unless the settings of Eqs. (13) and (14) are positive numbers."""
     for name, value in {"alpha": alpha, "beta": beta, "tau": tau}.items():
-        if not 0 < value < math.inf:
-            raise InputError(f"{name}={value} must be a positive number")
+        if not isinstance(value, Real) or not 0 < value < math.inf:
+            raise InputError(f"{name}={value!r} must be a positive number")
 
 
 def timing_similarity(delay_s: float, alpha: float, tau_s: float) -> float:

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.dimensions.stage import CENTRED_M, DIMENSIONS, StageScore, Stance, figure, levelling, stance
-from kpopnet.dance.performance import Performance, resampled
-from kpopnet.dance.scoring import Stretches
+from kpopnet.dance.performance import Performance, check_dance, resampled
+from kpopnet.dance.scoring import Stretches, check_free
 from kpopnet.dance.window import FPS, WINDOW_S
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
@@ -44,7 +44,7 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance], 
     """
     if not len(teachers) == len(learners) > 0:
         raise InputError(f"{len(teachers)} teachers and {len(learners)} learners: expected as many, one or more")
-    both = (*teachers, *learners)
+    both, free_s = [check_dance(one, "a dance of the group") for one in (*teachers, *learners)], check_free(free_s)
     at_s = np.arange(max(one.times_s[0] for one in both), min(one.times_s[-1] for one in both), 1 / FPS)
     if not len(at_s):
         return None

@@ -16,7 +16,7 @@ import numpy as np
 
 from kpopnet.dance.performance import MAX_COORDINATE, Performance, check_rate, with_derived_torso
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import check_fields, expect, names_in, read_json
+from kpopnet.runtime.input_files import as_path, check_fields, expect, names_in, read_json
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 2.5, 1.0
@@ -161,13 +161,13 @@ def _joint_places(names: Sequence[str], source: str, known_already: Collection[J
     return found
 
 
-def with_joint_map(recorded: NamedPoints, joint_map: Path, source: str) -> NamedPoints:
+def with_joint_map(recorded: NamedPoints, joint_map: Path | str, source: str) -> NamedPoints:
     """A recording with places of joints: each the mean of the points that a JSON file gives for it, by name or number.
 
     Joints that the map leaves out are found by the recording's own names, and all are where it has none of the map's points.
     Raises InputError if it has only some of them, or the map is wrong.
     """
-    given, where = read_json(joint_map), str(joint_map)
+    given, where = read_json(as_path(joint_map)), str(joint_map)
     check_fields(where, given, {})
     known = [joint.name.lower() for joint in _POINTS]
     expect(

@@ -24,8 +24,8 @@ from kpopnet.dance.joint_files.points import (
 from kpopnet.dance.joint_files.tables import TIMES, joint_points, read_csv
 from kpopnet.dance.joint_files.vmd import read_vmd
 from kpopnet.dance.performance import Performance
-from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import ArraySchema, check_array, check_fields, expect, read_json, read_npz
+from kpopnet.errors import InputError, check_number
+from kpopnet.runtime.input_files import ArraySchema, as_path, check_array, check_fields, expect, read_json, read_npz
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -50,7 +50,7 @@ _WORLD_LANDMARKS = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmar
 _PICTURE_LANDMARKS = ("pose_landmarks", "landmarks", "poseLandmarks")
 
 
-def read_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
+def read_performance(path: Path | str, fps: float | None = None, joint_map: Path | str | None = None) -> Performance:
     """Reads a recording of joints; the ending of the file's name gives the format (docs/dance_scoring.md).
 
     Joints of .npz files of our own stay in their camera frame, MediaPipe's points are lifted in that of theirs
@@ -59,17 +59,19 @@ def read_performance(path: Path | str, fps: float | None = None, joint_map: Path
     which of the points that a file names are which joints (`with_joint_map`). A stranger's file is read by
     `read_strangers_performance`.
     """
-    return read_performances([Path(path)], fps, joint_map)[0]
+    return read_performances([path], fps, joint_map)[0]
 
 
 def read_performances(
-    paths: Sequence[Path | str], fps: float | None = None, joint_map: Path | None = None
+    paths: Sequence[Path | str], fps: float | None = None, joint_map: Path | str | None = None
 ) -> list[Performance]:
     """As `read_performance`, of dancers who were recorded together, on one clock and in one frame: a file for each.
 
     All stand before one camera, which the first faces at first, in the places that they had.
     """
-    paths = [Path(path) for path in paths]
+    paths = [as_path(path) for path in paths]
+    if fps is not None:
+        check_number("fps", fps)
     of_bvh = [path for path in paths if path.suffix.lower() == ".bvh"]
     motions = dict(zip(of_bvh, read_bvh_group(of_bvh, fps), strict=True))
     group = [(_recorded(path, fps, joint_map, motions), str(path)) for path in paths]
@@ -80,7 +82,7 @@ def read_performances(
 
 
 def _recorded(
-    path: Path, fps: float | None, joint_map: Path | None, motions: Mapping[Path, BvhMotion]
+    path: Path, fps: float | None, joint_map: Path | str | None, motions: Mapping[Path, BvhMotion]
 ) -> NamedPoints | Performance:
     """What a file holds; `motions` are those of the BVH files."""
     match path.suffix.lower():
@@ -117,17 +119,19 @@ def _recorded(
     return lifted(recorded, fps, str(path)) if is_mediapipe(recorded) else recorded
 
 
-def read_strangers_performance(path: Path | str, fps: float | None = None, joint_map: Path | None = None) -> Performance:
+def read_strangers_performance(path: Path | str, fps: float | None = None, joint_map: Path | str | None = None) -> Performance:
     """`read_performance` in a process with limits of time and memory, which a hostile file may harm."""
-    return read_strangers_group([Path(path)], fps, joint_map)[0]
+    return read_strangers_group([as_path(path)], fps, joint_map)[0]
 
 
-def read_strangers_group(paths: Sequence[Path], fps: float | None = None, joint_map: Path | None = None) -> list[Performance]:
+def read_strangers_group(
+    paths: Sequence[Path], fps: float | None = None, joint_map: Path | str | None = None
+) -> list[Performance]:
     """`read_performances` in such a process."""
     return [Performance(**one) for one in read_in_child(_arrays, paths[0], [*paths[1:]], fps, joint_map)]
 
 
-def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path | None) -> list[dict[str, Any]]:
+def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path | str | None) -> list[dict[str, Any]]:
     return [vars(found) for found in read_performances([path, *others], fps, joint_map)]
 
 

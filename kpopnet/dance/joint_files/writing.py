@@ -16,10 +16,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.bvh import BvhFile, bvh_text
-from kpopnet.dance.performance import Performance, without_gaps
+from kpopnet.dance.performance import Performance, check_dance, without_gaps
 from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply, rotate
 from kpopnet.runtime.atomic_write import write_whole
+from kpopnet.runtime.input_files import as_path
 from kpopnet.skeleton import JOINT_NAMES, Joint
 
 SUFFIXES = (".npz", ".json", ".csv", ".bvh")
@@ -42,7 +43,7 @@ def write_performance(path: Path | str, performance: Performance) -> None:
 
     All formats but BVH keep the camera frame: metres, x right, y down, z forward.
     """
-    path = Path(path)
+    path, _ = as_path(path), check_dance(performance, "the recording to write")
     writers: dict[str, Callable[[Performance], str | bytes]] = dict(zip(SUFFIXES, (_npz, _json, _csv, _bvh), strict=True))
     if (writer := writers.get(path.suffix.lower())) is None:
         raise InputError(f"{path}: expected a name that ends with {', '.join(SUFFIXES)}")

@@ -86,6 +86,6 @@ def test_what_is_no_dance_is_refused_in_one_line_online_and_offline():
     for dances in ((slow, slow), (performed(dance_joints_m(0)), slow)):
         with pytest.raises(InputError, match=r"the \w+'s dance: frames are 0\.3 s apart, in the median"):
             score_dance(*dances)
-    for teacher, message in ((slow, r"the teacher's dance: frames are 0\.3 s apart"), (joints_m, "an array without times")):
+    for teacher, message in ((slow, r"the teacher's dance: frames are 0\.3 s apart"), (joints_m, "expected a Performance")):
         with pytest.raises(InputError, match=message):
             OnlineScorer(teacher)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from dance_people import FPS, dance_joints_m, followed, mirrored, noisy, performed, turned
 
+from kpopnet.dance.dimensions.formation import formation
 from kpopnet.dance.features import FEATURES, Angles, Feature
 from kpopnet.dance.feedback import feedback
 from kpopnet.dance.online import MOST_BEHIND, OnlineScorer
@@ -11,6 +12,7 @@ from kpopnet.dance.paper import PaperScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, SCORERS, derived_torso, score_dance
+from kpopnet.dance.timing import measured_latency_s
 from kpopnet.dance.window import PARTS, timing_similarity
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
@@ -163,6 +165,51 @@ FAR[100, 7] = 1e200
 def test_bad_input_is_refused_with_a_message(refused, message):
     with pytest.raises(InputError, match=message):
         refused()
+
+
+SHORT = performed(JOINTS_M[:90])
+SCORE = score_dance(SHORT, SHORT)
+
+
+@pytest.mark.parametrize(
+    ("mistaken", "message"),
+    [
+        (lambda: score_dance("a.bvh", "b.bvh"), r"the teacher's dance: expected a Performance, .* read_performance.*got str"),
+        (lambda: score_dance(SHORT, None), "the learner's dance: expected a Performance, .* got NoneType"),
+        (lambda: score_dance(JOINTS_M, JOINTS_M, fps="30"), "array without times and fps='30'"),
+        (lambda: score_dance(SHORT, SHORT, "dance22"), r"scorer: expected one such as .*SCORERS\['dance22'\], got 'dance22'"),
+        (lambda: OnlineScorer(SHORT, PartScorer), "scorer: expected one such as"),
+        (lambda: OnlineScorer(JOINTS_M), "expected a Performance, as .* makes, got ndarray"),
+        (lambda: score_dance(SHORT, SHORT, free_s=(1, 2)), r"free: expected pairs of seconds, such as .*, got \(1, 2\)"),
+        (lambda: OnlineScorer(SHORT, free_s=None), "free: expected pairs of seconds"),
+        (lambda: formation([JOINTS_M], [JOINTS_M]), "expected a Performance"),
+        (lambda: formation([SHORT], [SHORT], (1, 2)), "free: expected pairs of seconds"),
+        (lambda: PartScorer(alpha="1"), "alpha='1' must be a positive number"),
+        (lambda: PartScorer(latency_s=None), "latency_s=None: expected -5 to 5"),
+        (lambda: SCORE.total(["similarity"]), "weights: expected numbers by name"),
+        (lambda: SCORE.total({"similarity": "3"}), "similarity='3': expected a number"),
+        (lambda: SCORE.figures(0.5), r"beats of shape \(\): expected the times of beats"),
+        (lambda: SCORE.beats_s(1e-12), "seconds of a beat=1e-12: expected a number in"),
+        (lambda: feedback(SCORE, 120), "seconds of a beat=120: expected a number in"),
+        (
+            lambda: feedback(OnlineScorer(SHORT).score_so_far()),
+            "got NoneType; before the first window there is no score so far",
+        ),
+        (lambda: measured_latency_s([0.1] * 7, [90.0]), r"delays of shape \(7,\), postures of \(1,\)"),
+        (lambda: OnlineScorer(SHORT).preview(math.nan, 1.0), "end_s=nan: expected a number"),
+        (lambda: OnlineScorer(SHORT).update(JOINTS_M[0], None), "a frame at None: expected its time in seconds"),
+        (lambda: OnlineScorer(SHORT).update(JOINTS_M[0], "now"), "a frame at 'now': expected its time in seconds"),
+    ],
+)
+def test_arguments_of_another_type_or_unit_are_one_line(mistaken, message):
+    with pytest.raises(InputError, match=message):
+        mistaken()
+
+
+def test_free_parts_may_come_from_anywhere():
+    whole = score_dance(SHORT, SHORT, free_s=[(1, 2)])
+    for free_s in (np.array([[1, 2]]), ((1.0, 2.0) for _ in "1"), [[1, 2]]):
+        np.testing.assert_equal(score_dance(SHORT, SHORT, free_s=free_s), whole)
 
 
 @pytest.mark.parametrize("wrong", [False, True])

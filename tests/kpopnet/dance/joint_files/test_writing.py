@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from dance_people import dance_joints_m, performed, turned
 
-from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.dance.joint_files.reader import read_performance, read_strangers_performance
 from kpopnet.dance.joint_files.writing import write_performance
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import Performance, from_absolute_clocks
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
@@ -83,6 +83,21 @@ def test_a_single_frame_and_straight_opposite_limbs_make_a_bvh(tmp_path):
     hands = [Joint.LEFT_HAND, Joint.RIGHT_HAND]
     again_m, joints_m = written_and_read(tmp_path, performed(joints_m)).joints_m[:, hands], joints_m[:, hands]
     np.testing.assert_allclose(distances_m(again_m), distances_m(joints_m), atol=2e-3)
+
+
+def test_mistaken_arguments_of_reading_and_writing_are_one_line(tmp_path):
+    write_performance(path := tmp_path / "a.csv", performed(dance_joints_m(0)))
+    for mistaken, message in (
+        (lambda: write_performance(path, dance_joints_m(0)), "expected a Performance, as .* makes, got ndarray"),
+        (lambda: write_performance(None, read_performance(path)), "expected the path of a file or folder, got None"),
+        (lambda: read_performance(None), "expected the path of a file or folder, got None"),
+        (lambda: read_strangers_performance(3), "expected the path of a file or folder, got 3"),
+        (lambda: read_performance(path, "30"), "fps='30': expected a number"),
+        (lambda: read_performance(path, joint_map={"head": "nose"}), "expected the path of a file or folder"),
+        (lambda: from_absolute_clocks([dance_joints_m(0)]), "a dance: expected a Performance"),
+    ):
+        with pytest.raises(InputError, match=message):
+            mistaken()
 
 
 def test_what_cannot_be_written_is_told_in_one_line(tmp_path):
