@@ -15,6 +15,7 @@ import numpy as np
 from kpopnet.dance.features import FEATURES
 from kpopnet.dance.performance import (
     KERNEL_RADIUS_S,
+    MAX_DURATION_S,
     MAX_TIME_S,
     Performance,
     checked_dance,
@@ -59,7 +60,10 @@ class OnlineScore(NamedTuple):
 
 
 class OnlineScorer:
-    """Scores a learner against a teacher's dance during the dance; a frame can be scored after `lag_s` seconds."""
+    """Scores a learner against a teacher's dance during the dance; a frame can be scored after `lag_s` seconds.
+
+    It is of one dance, once, and of one thread.
+    """
 
     def __init__(
         self, teacher: Performance, scorer: Scorer = OURS, free_s: Stretches = (), torso_is_derived: bool = False
@@ -72,6 +76,7 @@ class OnlineScorer:
         self.scorer, self.lag_s = scorer, KERNEL_RADIUS_S
         self._derives_torso = derives_torso(scorer, teacher, torso_is_derived)
         self._grid = TimeGrid(derived_torso(teacher) if self._derives_torso else teacher, scorer.feature, free_s=free_s)
+        self._danced_s = float(teacher.times_s[0]), float(teacher.times_s[-1])
         prepared = scorer.teacher(self._grid.teacher)
         self._direct, self._mirrored = (Comparison(self._grid, prepared, mirrored) for mirrored in (False, True))
         self._shown, self._other = self._direct, self._mirrored
@@ -83,7 +88,7 @@ class OnlineScorer:
         self._history, self._behind = FEATURES[scorer.feature].history_frames(FPS), 0
         self._samples: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
         self._first = self._next = self._given = 0
-        self._is_observed = False
+        self._is_observed = self._finished = False
         self._latest: OnlineScore | None = None
 
     def update(self, joints_m: np.ndarray, time_s: float, confidence: np.ndarray | None = None) -> OnlineScore | None:
@@ -115,7 +120,15 @@ class OnlineScorer:
         except (TypeError, ValueError, OverflowError):
             raise InputError(f"a frame at {given_s!r:.80}: expected its time in seconds") from None
         if not math.isfinite(time_s) or (self._samples and time_s <= self._samples[-1][0]):
-            raise InputError(f"a frame at {given_s} s: times must be finite and increase from frame to frame")
+            advice = "; for another dance make another OnlineScorer" if self._samples else ""
+            raise InputError(f"a frame at {given_s} s: times must be finite and increase from frame to frame{advice}")
+        if self._finished:
+            raise InputError(f"a frame at {given_s} s after finish(); for another dance make another OnlineScorer")
+        begin_s, end_s = self._danced_s
+        if not begin_s - MAX_DURATION_S <= time_s <= end_s + MAX_DURATION_S:
+            raise InputError(
+                f"a frame at {time_s:g} s of a dance from {begin_s:g} to {end_s:g} s: expected seconds on the teacher's clock"
+            )
         return time_s
 
     def preview(self, end_s: float, least_s: float) -> OnlineScore | None:
@@ -153,13 +166,14 @@ class OnlineScorer:
         return preferred(self._direct.summary(), self._mirrored.summary()) if self._latest else None
 
     def finish(self) -> DanceScore:
-        """What `score_dance` returns for all samples; raises InputError as it does."""
+        """What `score_dance` returns for all samples, the last of the dance; raises InputError as it does."""
         if self._samples:
             check_observed(self._is_observed, self._given, "learner")
         last = self._grid.frame_until(self._samples[-1][0]) if self._samples else -1
         self._score_frames(math.inf, min(last + 1, len(self._grid.frames)))
         self._grid.check_overlap(range(self._first, last + 1))
         self._skip(len(self._grid.frames))
+        self._finished = True
         return preferred(self._direct.summary(), self._mirrored.summary())
 
     def _skip(self, stop: int) -> None:

@@ -199,6 +199,10 @@ SCORE = score_dance(SHORT, SHORT)
         (lambda: OnlineScorer(SHORT).preview(math.nan, 1.0), "end_s=nan: expected a number"),
         (lambda: OnlineScorer(SHORT).update(JOINTS_M[0], None), "a frame at None: expected its time in seconds"),
         (lambda: OnlineScorer(SHORT).update(JOINTS_M[0], "now"), "a frame at 'now': expected its time in seconds"),
+        (
+            lambda: OnlineScorer(SHORT).update(JOINTS_M[0], 1.7e9),
+            "of a dance from 0 to 2.96667 s: expected seconds on the teach",
+        ),
     ],
 )
 def test_arguments_of_another_type_or_unit_are_one_line(mistaken, message):
@@ -210,6 +214,16 @@ def test_free_parts_may_come_from_anywhere():
     whole = score_dance(SHORT, SHORT, free_s=[(1, 2)])
     for free_s in (np.array([[1, 2]]), ((1.0, 2.0) for _ in "1"), [[1, 2]]):
         np.testing.assert_equal(score_dance(SHORT, SHORT, free_s=free_s), whole)
+
+
+def test_a_finished_dance_takes_no_more_frames():
+    followed(online := OnlineScorer(performed(JOINTS_M)), performed(JOINTS_M[:100]))
+    finished = online.finish()
+    with pytest.raises(InputError, match=r"after finish\(\); for another dance make another OnlineScorer"):
+        online.update(JOINTS_M[100], 100 / FPS)
+    with pytest.raises(InputError, match="increase from frame to frame; for another dance make another OnlineScorer"):
+        online.update(JOINTS_M[0], 0.0)
+    np.testing.assert_equal(online.finish(), finished)
 
 
 @pytest.mark.parametrize("wrong", [False, True])
