@@ -163,7 +163,7 @@ class OnlineScorer:
     def score_so_far(self) -> DanceScore | None:
         """The score of the windows that are complete, with everything that `score_dance` returns; None before the first one."""
         self._catch_up()
-        return preferred(self._direct.summary(), self._mirrored.summary()) if self._latest else None
+        return self._summary() if self._latest else None
 
     def finish(self) -> DanceScore:
         """What `score_dance` returns for all samples, the last of the dance; raises InputError as it does."""
@@ -174,7 +174,14 @@ class OnlineScorer:
         self._grid.check_overlap(range(self._first, last + 1))
         self._skip(len(self._grid.frames))
         self._finished = True
-        return preferred(self._direct.summary(), self._mirrored.summary())
+        return self._summary()
+
+    def _summary(self) -> DanceScore:
+        """The preferred score; a caller may change its arrays, and the dance goes on."""
+        score = preferred(self._direct.summary(), self._mirrored.summary())
+        windows = score.windows._replace(weight=score.windows.weight.copy())
+        names = "teacher_m", "learner_m", "is_free"
+        return score._replace(windows=windows, **{name: getattr(score, name).copy() for name in names})
 
     def _skip(self, stop: int) -> None:
         """No person was recorded in the frames up to `stop`."""

@@ -216,6 +216,18 @@ def test_free_parts_may_come_from_anywhere():
         np.testing.assert_equal(score_dance(SHORT, SHORT, free_s=free_s), whole)
 
 
+def test_a_score_so_far_may_be_changed_while_the_dance_goes_on():
+    online, changed = (OnlineScorer(performed(JOINTS_M), PartScorer(noise="webcam")) for _ in range(2))
+    for frame, joints_m in enumerate(JOINTS_M):
+        for one in (online, changed):
+            one.update(joints_m, frame / FPS)
+        if frame == 180:
+            score = changed.score_so_far()
+            for array in (score.teacher_m, score.learner_m, score.is_free, *score.windows[:6], *score.windows.parts.values()):
+                array[:] = 1
+    np.testing.assert_equal(changed.finish(), online.finish())
+
+
 def test_a_finished_dance_takes_no_more_frames():
     followed(online := OnlineScorer(performed(JOINTS_M)), performed(JOINTS_M[:100]))
     finished = online.finish()
