@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from kpopnet.errors import check_between, check_one_of
 from kpopnet.rotations import about, conjugate, multiply, rotate
 from synth.motion.choreography.moves import RELAXED_LOWER, RELAXED_UPPER, Key, Move
 from synth.motion.posture import CHANNELS, LEG_COLUMNS, STANDING, rotations, yaw_pitch_roll
@@ -52,12 +53,28 @@ class Style:
     phases: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.9)  # phases, in 0..1, of the five sine waves of the sway
 
 
+def check_move(move: Move) -> None:
+    """Raises InputError for a move that cannot be performed, with the place of what is wrong in it."""
+    for track, channels in (("lower", RELAXED_LOWER), ("upper", RELAXED_UPPER)):
+        for number, key in enumerate(getattr(move, track)):
+            where = f"key {number} of the {track} body"
+            check_between(f"{where}: beats", key.beats, 1e-3, 1e4)
+            check_one_of(f"{where}: anchor", str(key.anchor), ("left", "right", "None"))
+            for channel, value in key.shape.items():
+                check_one_of(f"{where}: channel", channel, channels)
+                check_between(f"{where}: {channel}", value, -1e4, 1e4)
+
+
 def perform(move: Move, bpm: float, frames: int, fps: float, name: str, style: Style = Style()) -> Motion:
     """The motion of a mean adult who starts standing at the origin, facing +Z, and performs a move at `bpm` beats per minute.
 
     The last shape is held if the move ends before the last frame. The postures are within the limits of `posture`, and no point
-    is below the floor.
+    is below the floor. Raises InputError for a move with a channel that is none, a key without length or another tempo.
     """
+    check_move(move)
+    check_between("bpm", bpm, 1, 1000)
+    check_between("frames", frames, 1, 10_000_000)
+    check_between("fps", fps, 1, 1000)
     seconds = np.arange(frames) / fps
     postures = np.tile(STANDING, (frames, 1))
     for channel, values in _upper_angles(move.upper, bpm, seconds, style).items():

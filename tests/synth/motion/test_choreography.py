@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply, rotate
 from synth.motion.choreography.composer import Choreography, compose, dance
-from synth.motion.choreography.moves import mirror
+from synth.motion.choreography.moves import Key, hits, lower, mirror
 from synth.motion.choreography.stage import Style, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
 from synth.motion.skeleton import INDEX, MIRROR, forward_kinematics, height_above_floor
@@ -55,6 +56,28 @@ def test_dances_are_continuous_and_above_the_floor_on_which_feet_hardly_slide(mo
     down = (feet[1:, :, 1] < 0.075) & (feet[:-1, :, 1] < 0.075)
     sliding = np.linalg.norm(np.diff(feet[..., [0, 2]], axis=0), axis=-1)[down] * motion.fps
     assert np.median(sliding) < 0.02 and np.percentile(sliding, 95) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("move", "message"),
+    [
+        (lower(Key(1, {"left_fot_y": 0.25})), "key 0 of the lower body: channel=left_fot_y: expected one of hips_x, "),
+        (lower(Key(1, {"left_raise": 90})), "key 0 of the lower body: channel=left_raise"),
+        (hits(1, {"left_raise": 90}, {"left_rais": 90}), "key 1 of the upper body: channel=left_rais: expected one of"),
+        (lower(Key(1, {"left_foot_y": "high"})), "key 0 of the lower body: left_foot_y='high': expected a number"),
+        (lower(Key(1, {}, anchor="middle")), "key 0 of the lower body: anchor=middle: expected one of left, right"),
+        (lower(Key(0, {})), "key 0 of the lower body: beats=0: expected a number"),
+    ],
+)
+def test_a_move_that_cannot_be_performed_is_told_with_its_key(move, message):
+    with pytest.raises(InputError, match=message):
+        perform(move, 110.0, 30, 30.0, "test")
+
+
+def test_a_dance_needs_a_tempo_frames_and_a_rate():
+    for wrong in ((0, 30, 30.0), (110.0, 0, 30.0), (110.0, 30, 0)):
+        with pytest.raises(InputError, match="=0: expected a number"):
+            perform(LOWER["bounce"], *wrong, "test")
 
 
 def test_dances_are_reproducible_and_differ_by_index_and_seed_but_not_by_frame_rate():
