@@ -24,7 +24,7 @@ from kpopnet.dance.feedback import feedback
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.noise.table import NOISE, RECORDED, SEEN
 from kpopnet.dance.parts import PartScorer
-from kpopnet.dance.performance import ABSOLUTE_S, Performance, from_absolute_clocks, off_by
+from kpopnet.dance.performance import ABSOLUTE_S, Performance, check_dance, from_absolute_clocks, off_by
 from kpopnet.dance.scoring import SCORERS, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.moments import phrase_length_s
@@ -76,7 +76,7 @@ def seen_teacher(teacher: Performance, name: str, estimator: Estimator | None = 
     except ModuleNotFoundError as error:
         raise InputError(f"the teacher as {name} sees them is simulated, which needs {error.name}; install it") from error
 
-    if missing := [JOINT_NAMES[joint] for joint in teacher.unseen_joints]:
+    if missing := [JOINT_NAMES[joint] for joint in check_dance(teacher, "the teacher").unseen_joints]:
         raise InputError(f"the teacher as {name} sees them: {', '.join(missing)} missing in every frame; all joints are needed")
     joints_m = at_rate(teacher, FPS).astype(np.float64)
     movement, times_s = posed(joints_m, TeacherBody(**teacher_arrays())), teacher.times_s - teacher.times_s[0]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import Performance, check_dance, numbers
 from kpopnet.datasets.dances.dance_set import (
     FORMAT,
     LABELS,
@@ -24,7 +24,7 @@ from kpopnet.datasets.dances.dance_set import (
 from kpopnet.datasets.protocol import check_joints
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_hdf5, write_whole
-from kpopnet.runtime.input_files import check_array, expect
+from kpopnet.runtime.input_files import as_path, check_array, expect
 from kpopnet.skeleton import JOINT_NAMES
 
 _CHUNK = 1 << 16
@@ -76,13 +76,14 @@ class PackedDepth:
         return np.array(self._boxes, np.int32).reshape(-1, 4)
 
 
-def write_teacher(folder: Path, performance: Performance, about: Mapping[str, Any] | None = None) -> None:
+def write_teacher(folder: Path | str, performance: Performance, about: Mapping[str, Any] | None = None) -> None:
     """Writes DANCE/teacher.h5, and creates the folder DANCE if necessary; `about` holds notes to store as JSON."""
-    _write(folder / TEACHER, performance.times_s, performance.joints_m, None, about)
+    check_dance(performance, "the teacher to write")
+    _write(as_path(folder) / TEACHER, performance.times_s, performance.joints_m, None, about)
 
 
 def write_learner(
-    folder: Path,
+    folder: Path | str,
     name: str,
     times_s: np.ndarray,
     joints_m: np.ndarray | None = None,
@@ -96,12 +97,12 @@ def write_learner(
     """
     expect(joints_m is not None or depth is not None, f"learner {name}", "joints or depth to write")
     _check_name(name)
-    _write(folder / f"{name}.h5", times_s, joints_m, depth, about)
+    _write(as_path(folder) / f"{name}.h5", times_s, joints_m, depth, about)
 
 
-def write_labels(folder: Path, best_first: Iterable[str]) -> None:
+def write_labels(folder: Path | str, best_first: Iterable[str]) -> None:
     """Writes DANCE/labels.csv, the names of at least two learners in the experts' order. A dance without it is incomplete."""
-    names = list(best_first)
+    names, folder = list(best_first), as_path(folder)
     for name in names:
         _check_name(name)
     if len(set(names)) != len(names) or len(names) < 2:
@@ -121,9 +122,9 @@ def _write(
     depth: PackedDepth | None,
     about: Mapping[str, Any] | None,
 ) -> None:
-    arrays: dict[str, np.ndarray] = {"times_s": np.asarray(times_s, np.float64)}
+    arrays: dict[str, np.ndarray] = {"times_s": numbers(f"{path}: times", times_s)}
     if joints_m is not None:
-        arrays["joints_m"] = np.asarray(joints_m, np.float32)
+        arrays["joints_m"] = numbers(f"{path}: joints", joints_m).astype(np.float32)
     if depth is not None:
         arrays |= {"boxes": depth.boxes, "depth_mm": depth.depth_mm}
     lengths: dict[str, int] = {}

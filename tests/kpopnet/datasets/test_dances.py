@@ -48,6 +48,19 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "set"
 
 
+def test_mistaken_arguments_of_the_writer_are_one_line(tmp_path):
+    write_teacher(str(tmp_path / "a"), Performance(RNG_JOINTS, TIMES_S))
+    masked = np.ma.masked_less(RNG_JOINTS, 0)
+    for mistaken, message in (
+        (lambda: write_teacher(tmp_path, RNG_JOINTS), "the teacher to write: expected a Performance"),
+        (lambda: write_teacher(None, Performance(RNG_JOINTS, TIMES_S)), "expected the path of a file or folder, got None"),
+        (lambda: write_learner(tmp_path, "jin", ["now"] * FRAMES, RNG_JOINTS), r"jin\.h5: times: expected an array of numbers"),
+        (lambda: write_learner(tmp_path, "jin", TIMES_S, masked), r"jin\.h5: joints: a masked array"),
+    ):
+        with pytest.raises(InputError, match=message):
+            mistaken()
+
+
 def first_learner(folder: Path) -> tuple:
     learner = KpopSet(folder).dance("mama").learners[0]
     return learner.joints(), learner.depth()
