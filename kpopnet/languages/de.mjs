@@ -205,6 +205,8 @@ export default {
   "Parts of the body: orange is wrong, blue is right": "Körperteile: Orange ist falsch, Blau ist richtig",
   "phrase": "Phrase",
   "score": "Punkte",
+  "danced on": "getanzt am",
+  "excerpt": "Ausschnitt",
   "what to mend": "was zu verbessern ist",
   "not compared": "nicht verglichen",
   "no fault stands out": "kein Fehler fällt auf",

@@ -205,6 +205,8 @@ export default {
   "Parts of the body: orange is wrong, blue is right": "신체 부위: 주황은 틀림, 파랑은 맞음",
   "phrase": "구간",
   "score": "점수",
+  "danced on": "춤춘 날",
+  "excerpt": "춘 부분",
   "what to mend": "고칠 점",
   "not compared": "비교 못 함",
   "no fault stands out": "눈에 띄는 실수 없음",

@@ -126,6 +126,8 @@ function rating(main, rater) {
   function onKey(event) {
     const keys = { ArrowLeft: () => say("left"), ArrowRight: () => say("right"), ArrowDown: () => say("equal"), Backspace: () => say(""),
       " ": toggle, r: begin, a: () => shown[0].view.turn(-0.2), d: () => shown[0].view.turn(0.2) };
+    const { scrollHeight, clientHeight } = document.documentElement;
+    if (scrollHeight > clientHeight) delete keys.ArrowDown; // it moves a page that does not fit, as one that is enlarged
     const key = keyOf(event), typing = event.target.closest("input, select") || (key === " " && event.target.closest("button"));
     if (typing || event.ctrlKey || event.metaKey || event.altKey || !keys[key]) return;
     event.preventDefault();

@@ -207,6 +207,8 @@ function moreCourses(found, end_s) {
 
 const RIGHT = 90; // of 100, as in kpopnet/dance/feedback.py
 
+const headed = (...columns) => el("thead", {}, el("tr", {}, ...columns.map((text) => el("th", {}, say(text)))));
+
 function phraseTable(found, dance, watch, practiseAt) {
   const rows = found.phrases.map((one) => {
     const phrase = phraseAt(one.start_s, dance);
@@ -217,7 +219,7 @@ function phraseTable(found, dance, watch, practiseAt) {
       el("td", {}, el("div", {}, words || say(one.total === null ? "not compared" : unnamed)),
         practiseAt && one.total !== null && practisable(phrase, dance) ? el("a", { class: "practise", href: practiseAt(phrase) }, say("practise, slowed first")) : null));
   });
-  return el("div", { class: "scroll" }, el("table", {}, el("thead", {}, el("tr", {}, ...["phrase", "score", "what to mend"].map((text) => el("th", {}, say(text))))),
+  return el("div", { class: "scroll" }, el("table", {}, headed("phrase", "score", "what to mend"),
     el("tbody", {}, ...rows)));
 }
 
@@ -262,7 +264,7 @@ function film(base, name) {
 export const excerptOf = ({ from_s, to_s }, seconds) => `${clock(from_s)} – ${clock(to_s || seconds)}`;
 
 function historyTable(history, identity, name, seconds) {
-  return el("div", { class: "scroll" }, el("table", { id: "history" }, el("tbody", {}, ...history.map((one) => el("tr", {},
+  return el("div", { class: "scroll" }, el("table", { id: "history" }, headed("danced on", "score", "excerpt", "speed", "camera"), el("tbody", {}, ...history.map((one) => el("tr", {},
     el("td", {}, one.session === name ? say("this one") : el("a", { href: `#/dance/${identity}/try/${one.session}` }, when(one.session))),
     el("td", {}, one.total === null ? "–" : String(Math.round(one.total))), el("td", {}, excerptOf(one, seconds)), el("td", {}, say("{percent} %", { percent: Math.round(100 * one.speed) })),
     el("td", {}, one.source === "simulated" ? say("simulated, {skill}", { skill: say(`skill|${one.skill}`) }) : say(`source|${one.source}`)))))));

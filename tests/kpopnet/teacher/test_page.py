@@ -111,7 +111,7 @@ def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korea
     before = browser.find("#scrub").get_attribute("value")
     worst.send_keys(Keys.ENTER)
     browser.until(lambda one: one.find("#scrub").get_attribute("value") != before)
-    assert len(browser.all("#history tr")) == 1
+    assert len(browser.all("#history tbody tr")) == 1
     film = browser.find("#film")
     film.send_keys(Keys.ENTER)
     browser.until(lambda one: re.search("making the film: [1-9]", one.find("#film-told").text))

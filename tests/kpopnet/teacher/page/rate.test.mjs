@@ -54,6 +54,9 @@ test("each of a pair is shown on their side of the teacher, at the speed that is
 test("an answer is what its key and its button say, is given once, and again if it was not kept", async () => {
   press("ArrowLeft", { repeat: true });
   press("Backspace"); // nothing was answered
+  Object.assign(document.documentElement, { scrollHeight: 900, clientHeight: 400 });
+  press("ArrowDown"); // the page moves
+  Object.assign(document.documentElement, { scrollHeight: 400 });
   assert.deepEqual(sent, []);
   press("ArrowLeft");
   press("ArrowRight"); // it is on its way

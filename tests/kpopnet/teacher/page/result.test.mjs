@@ -110,3 +110,9 @@ test("of learners beside each other it is said who was after the first, and who 
   assert.deepEqual(rows.map((text) => text.match(/\d\.\d+ s \w+/)[0]), ["0.20 s after", "0.10 s before"]);
   leave();
 });
+
+test("the table of one's tries says what its columns are", async () => {
+  await opened();
+  const columns = allOf(get("history")).filter((one) => one.tag === "th").map(({ textContent }) => textContent);
+  assert.deepEqual(columns, ["danced on", "score", "excerpt", "speed", "camera"]);
+});
