@@ -77,8 +77,8 @@ def open_anny():
 def sample_people(model, ages_years: tuple[float, float], count: int, seed: int) -> Sampled:
     """People of these ages, least and greatest, statures and weights as Anny calibrated them to the WHO's."""
     import torch
-    from anny.models.rigged_model import skinning
     from anny.shape_distribution import SimpleShapeDistribution
+    from anny.skinning import skinning
 
     torch.manual_seed(seed)
     people = SimpleShapeDistribution(model, torch.distributions.Uniform(*map(torch.tensor, map(float, ages_years))))

@@ -14,7 +14,7 @@ from kpopnet.skeleton import JOINT_NAMES
 ASSET = Path(__file__).parents[1] / "assets" / "body.npz"
 
 CHILDREN, CHILDREN_YEARS = ASSET.with_name("children.npz"), (6, 13)
-"""The shapes of children, who are at least and less than so many years old."""
+"""The shapes of children; their ages in years, the second exclusive."""
 
 
 @dataclass(frozen=True, eq=False)
