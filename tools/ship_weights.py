@@ -1,21 +1,22 @@
 """Makes a checkpoint the network that comes with the package, a finder its finder of people, a mask network that of the finder,
 two networks over time those of its modes, or a network that lifts joints that of a webcam: writes kpopnet/weights/.
 
-    python tools/ship_weights.py outputs/train/RUN/best --set data/small/test
-    python tools/ship_weights.py outputs/finder/RUN/finder.safetensors
-    python tools/ship_weights.py --masks outputs/finder/RUN/finder.safetensors
+    python tools/ship_weights.py outputs/train/RUN/best --set data/small/train
+    python tools/ship_weights.py outputs/finder/RUN/finder.safetensors --set data/room_images/train
+    python tools/ship_weights.py --masks outputs/finder/RUN/finder.safetensors --set data/person_masks/train
     python tools/ship_weights.py data/over_time/causal.safetensors --future data/over_time/future.safetensors
     python tools/ship_weights.py --lifting data/lifting.safetensors
 
 Filters are stored in float16, statistics and biases, which are few and may be large, in float32. The description
-loses what tells of the machine that trained. MODEL_CARD.md is written by hand.
-Prints the sizes, and how far float16 moves the joints in images of a frozen set. Run from the root of a checkout with
-`PYTHONPATH=.`.
+loses what tells of the machine that trained. MODEL_CARD.md is written by hand. For ONNX Runtime the coarser levels compute in 8
+bits (tools/eight_bits.py), whose ranges are those of some hundred images of --set, a set that the network was trained on.
+Prints the sizes, and how far float16, and 8 bits, move the joints there. Run from the root of a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
 import hashlib
 import json
+import math
 import re
 import tempfile
 from collections.abc import Iterator
@@ -27,27 +28,40 @@ import safetensors.torch
 import torch
 
 import kpopnet.weights
+from kpopnet.camera import MM_PER_METRE
+from kpopnet.data.batches import CropBatches, EvenOrder
+from kpopnet.data.person_masks import OTHER, OWN, read_person_masks
+from kpopnet.data.room_images import RoomImages
 from kpopnet.data.shards import ShardedSet
-from kpopnet.datasets.protocol import BenchmarkConfig
-from kpopnet.datasets.synthetic import SyntheticBenchmark
 from kpopnet.errors import InputError
+from kpopnet.finder import masks, people
 from kpopnet.finder.network import CellsNetwork, FinderNetwork, MaskNetwork, export_finder
 from kpopnet.finder.network import load_network as load_finder
-from kpopnet.networks import META, PERSON, WEIGHTS, portable
-from kpopnet.networks.backend import GRAPH, filters
+from kpopnet.networks import META, PERSON, WEIGHTS, ModelConfig, portable
+from kpopnet.networks.backend import GRAPH, INPUT, Backend, OnnxBackend, filters, open_network
 from kpopnet.networks.checkpoint import load_network
-from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.lifting import Lifting
 from kpopnet.networks.onnx_export import export_network
 from kpopnet.networks.over_time import OverTime
 from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.runtime.endings import user_errors
+from synth.samples.observe import ExtractionConfig, Observer
+from synth.sensor.model import SensorConfig
+from tools.eight_bits import in_eight_bits
+
+IMAGES, BATCH = 512, 32
+"""How many inputs tell the ranges, in calls of how many."""
 
 
-def ship(checkpoint: Path, folder: Path) -> None:
+Inputs = list[dict[str, np.ndarray]]
+"""Of the calls of a network by ONNX Runtime, by name."""
+
+
+def ship(checkpoint: Path, folder: Path, inputs: Inputs) -> None:
     """Writes weights, description and digests into a folder that holds an `__init__.py` like that of kpopnet.weights.
 
-    Raises InputError: no checkpoint; weights too large for float16; a description that names a path.
+    The `inputs` are crops that the network is likely to be given. Raises InputError: no checkpoint; weights too large for
+    float16; a description that names a path.
     """
     network, meta = load_network(checkpoint)
     meta = portable(meta)
@@ -64,7 +78,7 @@ def ship(checkpoint: Path, folder: Path) -> None:
             (Path(place) / name).write_bytes(content)
         whole = Path(place) / GRAPH
         export_network(*load_network(place), whole)  # with the biases of filters in float16
-        files[GRAPH] = without_filters(whole.read_bytes(), Path(place) / WEIGHTS)
+        files[GRAPH] = without_filters(in_eight_bits(whole.read_bytes(), inputs), Path(place) / WEIGHTS)
     _write(folder, "joints", files)
 
 
@@ -82,14 +96,16 @@ def without_filters(content: bytes, weights: Path) -> bytes:
     return model.SerializeToString()
 
 
-def ship_finder(weights: Path, folder: Path, network: str, kind: type[CellsNetwork]) -> None:
-    """Writes a network of the finder, and its digests, into such a folder; raises InputError for damaged weights."""
+def ship_finder(weights: Path, folder: Path, network: str, kind: type[CellsNetwork], inputs: Inputs) -> None:
+    """Writes a network of the finder, and its digests, into such a folder, `inputs` as above; raises InputError for damaged
+    weights.
+    """
     name, graph = kpopnet.weights.SHA256[network]
     files = {name: _halved(load_finder(weights, kind), weights)}
     with tempfile.TemporaryDirectory() as place:
         stored = Path(place) / name
         stored.write_bytes(files[name])
-        files[graph] = without_filters(export_finder(load_finder(stored, kind)), stored)
+        files[graph] = without_filters(in_eight_bits(export_finder(load_finder(stored, kind)), inputs), stored)
     _write(folder, network, files)
     print("; ".join(f"{name}: {(folder / name).stat().st_size:,} bytes" for name in files))
 
@@ -139,18 +155,36 @@ def texts_in(value: Any) -> Iterator[str]:
             yield from texts_in(one)
 
 
-def changes_mm(one: NetworkEstimator, other: NetworkEstimator, path: Path, images: int) -> np.ndarray:
-    """Distances in mm between the joints by two networks, in about this number of images of a frozen set."""
-    benchmark, changes, seen = SyntheticBenchmark(BenchmarkConfig("synthetic", str(path))), [], 0
-    for name in benchmark.sequence_names():
-        sequence = benchmark.read(name)
-        first, second = (network.estimate(sequence.depth_m, sequence.camera).joints_camera_m for network in (one, other))
-        distances_mm = 1000 * np.linalg.norm(first - second, axis=-1)
-        changes.append(distances_mm[np.isfinite(distances_mm)])
-        seen += len(sequence.depth_m)
-        if seen >= images:
-            break
-    return np.concatenate(changes)
+def crops_of(path: Path, model: ModelConfig) -> Inputs:
+    """Of the network of joints: crops of images of a folder of shards."""
+    source = Observer(ShardedSet(path), SensorConfig(), ExtractionConfig(), 0)
+    count = min(IMAGES, len(source))
+    batches = CropBatches(source, model, EvenOrder(len(source), BATCH, count), 0, None)
+    return [{INPUT: np.asarray(batches[step].crop)} for step in range(math.ceil(count / BATCH))]
+
+
+def images_of(path: Path) -> Inputs:
+    """Of the finder: the first of a folder's room images."""
+    stored = RoomImages(path).file(0)
+    images_m, cameras = (stored["depth_mm"] / MM_PER_METRE).astype(np.float32), stored["cameras"].astype(np.float32)
+    rows = range(min(IMAGES, len(images_m)))
+    return [dict(zip(people.INPUTS, (images_m[row : row + 1], cameras[row : row + 1, :4]), strict=True)) for row in rows]
+
+
+def masks_of(path: Path) -> Inputs:
+    """Of the mask network: some of a folder's person masks."""
+    depth_mm, labels, centres_m, _ = read_person_masks(path)
+    count = min(IMAGES, len(depth_mm))
+    rows = np.arange(count) * len(depth_mm) // count
+    crops = (depth_mm[rows] / MM_PER_METRE).astype(np.float32), labels[rows] & (OWN | OTHER), centres_m[rows]
+    parts = [[one[first : first + BATCH] for one in crops] for first in range(0, count, BATCH)]
+    return [dict(zip(masks.INPUTS, part, strict=True)) for part in parts]
+
+
+def changes_mm(one: Backend, other: Backend, inputs: Inputs, half_size_m: float) -> np.ndarray:
+    """Distances in mm between the joints by two networks in crops of a cube, which they are taken as metres of."""
+    moved = [np.linalg.norm(one(crops[INPUT])[0] - other(crops[INPUT])[0], axis=-1) for crops in inputs]
+    return 1000 * half_size_m * np.concatenate(moved)
 
 
 @user_errors
@@ -160,8 +194,7 @@ def main() -> None:
     parser.add_argument("--future", type=Path, help="the other network over time, which looks at later frames")
     parser.add_argument("--lifting", type=Path, help="a network that lifts joints, as tools/fit_lifting.py made it")
     parser.add_argument("--masks", type=Path, help="a finder's mask network: finder.safetensors of training.part=masks")
-    parser.add_argument("--set", type=Path, help="folder of a frozen set, on which a network is compared with its float16 copy")
-    parser.add_argument("--images", type=int, default=500, help="how many images of it: %(default)s")
+    parser.add_argument("--set", type=Path, help="folder of what it was trained on: shards, room images or person masks")
     parser.add_argument("--out", type=Path, default=kpopnet.weights.FOLDER, help="the folder to write: %(default)s")
     given = parser.parse_args()
     if sum(one is not None for one in (given.checkpoint, given.lifting, given.masks)) != 1:
@@ -169,24 +202,27 @@ def main() -> None:
     if given.lifting is not None:
         ship_lifting(given.lifting, given.out)
         return
-    if given.masks is not None:
-        ship_finder(given.masks, given.out, "masks", MaskNetwork)
-        return
     if given.future is not None:
         ship_over_time(given.checkpoint, given.future, given.out)
         return
-    if given.checkpoint.suffix == ".safetensors":
-        ship_finder(given.checkpoint, given.out, "finder", FinderNetwork)
-        return
     if given.set is None:
         parser.error("a network needs --set")
-    ShardedSet(given.set)  # refused before anything is written
-    ship(given.checkpoint, given.out)
+    if given.masks is not None:
+        ship_finder(given.masks, given.out, "masks", MaskNetwork, masks_of(given.set))
+        return
+    if given.checkpoint.suffix == ".safetensors":
+        ship_finder(given.checkpoint, given.out, "finder", FinderNetwork, images_of(given.set))
+        return
+    trained = open_network(given.checkpoint)
+    model = ModelConfig(**trained.meta["model"])
+    inputs = crops_of(given.set, model)
+    ship(given.checkpoint, given.out, inputs)
     sizes = {path.name: path.stat().st_size for path in map(given.out.joinpath, (WEIGHTS, META, PERSON)) if path.is_file()}
     print("; ".join(f"{name}: {size:,} bytes" for name, size in sizes.items()))
-    networks = NetworkEstimator(given.checkpoint), NetworkEstimator(given.out)
-    changed_mm = changes_mm(*networks, given.set, given.images)
-    print(f"float16 moves joints by {changed_mm.mean():.2f} mm on average, {changed_mm.max():.2f} mm at most")
+    rounded = OnnxBackend(given.out / GRAPH, filters(given.out / WEIGHTS))
+    for name, network in (("float16 moves", open_network(given.out)), ("float16 and 8 bits move", rounded)):
+        changed_mm = changes_mm(trained, network, inputs, model.half_size_m)
+        print(f"{name} joints by {changed_mm.mean():.2f} mm on average, {changed_mm.max():.2f} mm at most")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@
     person.safetensors             its head that judges whether a crop shows a person
     finder.safetensors             the finder of people, stored likewise
     masks.safetensors              its mask network, which says which pixels are theirs, stored likewise
-    *graph.onnx                    these three for ONNX Runtime, without their filters
+    *graph.onnx                    these three for ONNX Runtime, without their filters; coarser levels compute in 8 bits
     over_time_*.safetensors        joints over time: causal, and with the frames that follow
     lifting.safetensors            joints of a webcam's points (kpopnet.networks.lifting)
     MODEL_CARD.md                  how they were trained, how good they are, and where they fail
@@ -25,15 +25,15 @@ SHA256: dict[str, dict[str, str]] = {
         "model.safetensors": "ee381b09e16c37197023ffa8f4d97c9786d88d51df83f161bb2c935e69fda04e",
         "meta.json": "b1e8d80966729fcedfbeb9f239c0021b0be0e2226e8811b4c24060c78641a1be",
         "person.safetensors": "a55cd8803082a113a0e21259759d65def759426ad04e148382bc85434835636f",
-        "graph.onnx": "ec20b7786ab19ccb4d95507986c5104f7935a9b051ba1e0bad93679f15153197",
+        "graph.onnx": "7e9c2998b36af773e6522af15997fab2bdb54ee70b2678794268a4e8bd8c1984",
     },
     "finder": {
         "finder.safetensors": "55314707dd7e2e31d185173ca28dcf94dc1a4ec2332f9e9c460e161d9afc55eb",
-        "finder_graph.onnx": "344c9ef1ed9178614f2f9555db911d662a26f518964d3806c94f9bad1aa8266c",
+        "finder_graph.onnx": "a6869c5ae204751c6431198a3742bc8516b3a6b060b0ca8a1287694cee85030f",
     },
     "masks": {
         "masks.safetensors": "b53536402cc7f27da10d08cb721b88ce2395e100190141a899164e38fa3941b3",
-        "masks_graph.onnx": "5eb6d993ee7c60c2a0fff2f7cb59da0fdcb3d13fb79f4a3c8893f1cb658cfa79",
+        "masks_graph.onnx": "f323daa4a4c2106394da52162ebf8cac60d8b4234e642ccb36844333203f87ce",
     },
     "over_time": {
         "over_time_causal.safetensors": "d574441d1a9e01dcc69b824c90c7d2911c3d14adc39f5a0d4be2cff62aad25f5",
