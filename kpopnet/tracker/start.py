@@ -1,7 +1,7 @@
 """Where a tracker starts: from the Y pose, from a network's joints, or from a person who stands or sits upright.
 
-The latter is beyond the paper, for recordings without the Y pose. An adult of average proportions is put at the silhouette,
-standing and sitting, in several headings, and fitted to the depth. The pose that fits best is the start, if it fits well
+The latter is beyond the paper, for recordings without the Y pose. A person of an adult's average proportions, who may have a
+child's size, is put at the silhouette, standing and sitting, in several headings, and fitted to the depth. The pose that fits best is the start, if it fits well
 enough; the lengths of the person are known only roughly then.
 """
 
@@ -56,11 +56,11 @@ AVERAGE_HEIGHT_M = 1.671
 """Mean height of the same people's silhouettes, with hair and shoes, in metres, by all pixels.
 `tools/tracker_constants.py standing` prints it and the model again."""
 
-STANDING_HEIGHT_RANGE_M, SITTING_HEIGHT_RANGE_M = (1.3, 2.2), (0.9, 1.6)
+STANDING_HEIGHT_RANGE_M, SITTING_HEIGHT_RANGE_M = (1.05, 2.2), (0.9, 1.6)
 """Heights of silhouettes, in metres, at which a person is tried standing and sitting."""
 
-SIZE_RANGE = (0.85, 1.15)
-"""Sizes of adults who are tried, relative to the average one: a silhouette without hair or feet is still an adult's."""
+SIZE_RANGE = (0.65, 1.15)
+"""Sizes of people who stand and are tried, relative to the average adult: from children of six years on."""
 
 TOP_M, MAX_TOP_WIDTH_M = 0.22, 0.5
 """The uppermost `TOP_M` metres are the head: silhouettes that are wider there than `MAX_TOP_WIDTH_M` have raised hands, which

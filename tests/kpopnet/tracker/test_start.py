@@ -21,9 +21,9 @@ def found(joints_m: np.ndarray, size: float = 1.0, camera: Camera = CAMERA):
 
 @pytest.mark.parametrize(
     ("joints_m", "size"),
-    [(planar_pose(AVERAGE_MODEL.scaled(size)) + np.array((0.2, -0.5, 3.0)), size) for size in (0.9, 1.1)]
+    [(planar_pose(AVERAGE_MODEL.scaled(size)) + np.array((0.2, -0.5, 3.0)), size) for size in (0.7, 0.9, 1.1)]
     + [(sitting_pose(AVERAGE_MODEL) + np.array((-0.3, -0.2, 2.7)), 1.0)],
-    ids=["small", "tall", "sitting"],
+    ids=["child", "small", "tall", "sitting"],
 )
 def test_a_standing_person_of_any_size_and_one_who_sits(joints_m: np.ndarray, size: float) -> None:
     upright_m, _ = found(joints_m, size)
