@@ -1,6 +1,6 @@
 """Judges a network on real depth in three ways: raw, in the labels' definition, and against a body fitted to the depth.
 
-    python tools/real_check.py outputs/train/RUN/best --real /path/to/real --out outputs/real_check
+    python tools/real_check.py [outputs/train/RUN/best] --real /path/to/real --out outputs/real_check
 
 The folder holds UTD-MHAD/ (Depth/ and Skeleton/, as published) and, if wanted, itop_side_test_3frames.npz (depth_mm, joints_m
 with y up). Run from the root of a checkout with `PYTHONPATH=.`. Prints a table per joint group and writes real_check.json.
@@ -132,7 +132,7 @@ def print_table(title: str, found: dict[str, dict]) -> None:
 def program() -> None:
     """Command line, described in the module's docstring."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("checkpoint", help="folder of a network")
+    parser.add_argument("checkpoint", nargs="?", help="folder of a network; by default the one that comes with the package")
     parser.add_argument("--real", type=Path, required=True, help="folder with UTD-MHAD/ and itop_side_test_3frames.npz")
     parser.add_argument("--every", type=int, default=4, help="judge one in this number of frames")
     parser.add_argument("--bodies", type=int, default=24, help="frames of each person that the body is fitted to")
