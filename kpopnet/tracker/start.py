@@ -1,8 +1,8 @@
 """Where a tracker starts: from the Y pose, from a network's joints, or from a person who stands or sits upright.
 
 The latter is beyond the paper, for recordings without the Y pose. A person of an adult's average proportions, who may have a
-child's size, is put at the silhouette, standing and sitting, in several headings, and fitted to the depth. The pose that fits best is the start, if it fits well
-enough; the lengths of the person are known only roughly then.
+child's size, is put at the silhouette, standing and sitting, in several headings, and fitted to the depth. The pose that fits
+best is the start, if it fits well enough; the lengths of the person are known only roughly then.
 """
 
 from collections.abc import Iterator

@@ -153,10 +153,11 @@ class Browser:
         return getattr(self._driver, name)
 
     def until(self, condition: Callable[["Browser"], Any]) -> Any:
-        """Waits until a condition gives something true; that."""
+        """Waits until a condition gives something true; that. An element that was replaced meanwhile is looked for again."""
+        from selenium.common.exceptions import StaleElementReferenceException
         from selenium.webdriver.support.ui import WebDriverWait
 
-        return WebDriverWait(self, PATIENCE_S, 0.1).until(condition)
+        return WebDriverWait(self, PATIENCE_S, 0.1, [StaleElementReferenceException]).until(condition)
 
     def all(self, selector: str) -> list:
         """The elements of a CSS selector."""
