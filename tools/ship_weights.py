@@ -52,7 +52,6 @@ from tools.eight_bits import in_eight_bits
 IMAGES, BATCH = 512, 32
 """How many inputs tell the ranges, in calls of how many."""
 
-
 Inputs = list[dict[str, np.ndarray]]
 """Of the calls of a network by ONNX Runtime, by name."""
 
@@ -182,7 +181,7 @@ def masks_of(path: Path) -> Inputs:
 
 
 def changes_mm(one: Backend, other: Backend, inputs: Inputs, half_size_m: float) -> np.ndarray:
-    """Distances in mm between the joints by two networks in crops of a cube, which they are taken as metres of."""
+    """Distances in mm between the joints by two networks, in crops of cubes of that half size, perspective aside."""
     moved = [np.linalg.norm(one(crops[INPUT])[0] - other(crops[INPUT])[0], axis=-1) for crops in inputs]
     return 1000 * half_size_m * np.concatenate(moved)
 

@@ -67,8 +67,8 @@ def read_observed(path: Path, fps: float | None, joint_map: Path | None, correct
 def seen_teacher(teacher: Performance, name: str, estimator: Estimator | None = None) -> Performance:
     """The teacher's dance as the estimator of a name of SEEN_BY sees it, the package's unless one is given.
 
-    It takes a core 0.6 to 1.5 times the dance's length, by processor; a bar shows how far it is. Raises InputError where a joint is missing
-    throughout, the dance is too long, or a slim installation lacks what simulates.
+    It takes a core 0.6 to 1.5 times the dance's length, by processor; a bar shows how far it is. Raises InputError where a
+    joint is missing throughout, the dance is too long, or a slim installation lacks what simulates.
     """
     try:
         from synth.body.teacher import teacher_arrays

@@ -5,6 +5,7 @@ for ONNX Runtime with coarser levels that compute in 8 bits.
 import re
 import runpy
 import shutil
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -15,11 +16,12 @@ from capsule_people import CAMERA, draw_depth, draw_joints
 from checkpoints import save_untrained
 from onnx import numpy_helper
 from programs import tool
+from room_image_files import write_person_masks, write_room_images
 from safetensors.torch import load_file
 from safetensors.torch import save as save_weights
+from shard_sets import write_shard
 
 import kpopnet.weights
-from kpopnet.data.person_masks import CROP_PX
 from kpopnet.errors import InputError
 from kpopnet.finder.finder import open_finder
 from kpopnet.finder.masks import open_masks
@@ -48,12 +50,11 @@ DEPTH_M = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for see
 IMAGES = [(image_m, CAMERA) for image_m in DEPTH_M]
 
 
-def inputs_of(run):
-    """The crops of `IMAGES` that a network is given."""
-    network, crops = NetworkEstimator(run), []
-    network.backend = lambda seen, run=network.backend: crops.append({"crops": seen}) or run(seen)
-    network.judge(IMAGES)
-    return crops
+def ship(*words):
+    """The program, as a user runs it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["ship_weights", *map(str, words)])
+        ship_weights.main()
 
 
 def save(run, network=None, **more):
@@ -76,8 +77,9 @@ def once(tmp_path_factory):
         shutil.copy(FOLDER / name, weights)
     judging = save(place / "judging", build_network(replace(MODEL, kind="holistic")))
     (judging / PERSON).write_bytes(save_weights(PersonHead(MODEL.widths[-1]).state_dict()))
+    write_shard(place / "images", [0] * 40)
     for run, judges in ((judging, True), (save(place / "run"), False)):
-        ship_weights.ship(run, weights, inputs_of(run))
+        ship(run, "--set", place / "images", "--out", weights)
         does_judge = NetworkEstimator(weights).judge(IMAGES)[1] is not None
         assert {does_judge, PERSON in digests(weights)["joints"], (weights / PERSON).is_file()} == {judges}
     return place
@@ -145,38 +147,27 @@ def test_what_this_checkout_ships_can_be_loaded():
 def test_a_finder_is_shipped_beside_the_network(tmp_path, shipped, monkeypatch):
     mine = tmp_path / "mine.safetensors"
     mine.write_bytes(save_weights(FinderNetwork().state_dict()))
-    depth_m = np.random.default_rng(0).uniform(0.5, 6, (1, 128, 160)).astype(np.float32)
-    intrinsics = np.array([[120, 120, 79.5, 59.5]], np.float32)
-    ship_weights.ship_finder(mine, shipped, "finder", FinderNetwork, [{"depth_m": depth_m, "intrinsics": intrinsics}])
+    ship(mine, "--set", write_room_images(tmp_path / "images"), "--out", shipped)
     assert digests(shipped)["joints"] == kpopnet.weights.SHA256["joints"]
     monkeypatch.setattr(kpopnet.weights, "SHA256", digests(shipped))
     stored, graph = kpopnet.weights.shipped("finder")
     assert stored.stat().st_size < 0.6 * mine.stat().st_size and graph.stat().st_size < 2e5
+    depth_m, intrinsics = ship_weights.images_of(tmp_path / "images")[3].values()
     finders = open_finder.__wrapped__(), open_finder(str(stored)), open_finder(str(mine))
     for one, same, close in zip(*(finder(depth_m, intrinsics) for finder in finders), strict=True):
         assert 1e-6 < np.abs(one - same).max() < 0.01  # 8 bits
         np.testing.assert_allclose(same, close, atol=0.01)  # float16
 
 
-def crops_of(people):
-    """Inputs of the mask network."""
-    rng, size = np.random.default_rng(people), (people, CROP_PX, CROP_PX)
-    return {
-        "depth_m": np.float32(rng.uniform(0, 4, size)),
-        "owner": rng.integers(0, 3, size, np.uint8),
-        "centre_m": np.float32(rng.uniform(1, 4, (people, 3))),
-    }
-
-
 def test_a_mask_network_is_shipped_beside_the_finder(tmp_path, shipped, monkeypatch):
     mine, network = tmp_path / "mine.safetensors", MaskNetwork()
     mine.write_bytes(save_weights(network.state_dict()))
-    ship_weights.ship_finder(mine, shipped, "masks", MaskNetwork, [crops_of(8)])
+    ship("--masks", mine, "--set", write_person_masks(tmp_path / "masks"), "--out", shipped)
     monkeypatch.setattr(kpopnet.weights, "SHA256", digests(shipped))
     stored, graph = kpopnet.weights.shipped("masks")
     assert stored.stat().st_size < 0.6 * mine.stat().st_size and graph.stat().st_size < 1e5
     for people in (1, 3):
-        crops = list(crops_of(people).values())
+        crops = [one[:people] for one in ship_weights.masks_of(tmp_path / "masks")[0].values()]
         said = open_masks.__wrapped__()(*crops)
         with torch.inference_mode():
             expected = CellsOfCrops(network.eval())(*map(torch.from_numpy, crops)).numpy()
