@@ -1,8 +1,9 @@
-"""Has the coarser levels of an exported network compute in 8 bits, which takes a third of their time.
+"""Has the coarser levels of an exported network, and in the finder's networks the convolution that joins all levels, compute in
+8 bits, which takes a third of their time where processors have VNNI.
 
 What a level is given and gives is rounded to 256 steps of its range in some inputs, each filter to 129 of its own, by
 `onnxruntime.quantization`: no sum of two products exceeds 16 bits, so that processors without VNNI give the same. The finest
-level sees millimetres of depth: rounded too, it moves joints by centimetres. It computes in float32, as do the heads
+level sees millimetres of depth: rounded too, it moves joints by centimetres. It computes in float32, as does what follows
 (docs/ledger.md).
 """
 

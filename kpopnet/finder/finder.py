@@ -132,7 +132,7 @@ def cells_of(network: Network, canvas: Reduced) -> Cells:
 @cache
 def open_finder(weights: str | None = None) -> Network:
     """The network of a training's file of weights, or None for the one that comes with the package, which ONNX Runtime runs,
-    twice as fast as torch. Opened once, on one thread.
+    faster than torch. Opened once, on one thread.
 
     Raises InputError if it is missing or no finder.
     """

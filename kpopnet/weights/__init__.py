@@ -1,6 +1,6 @@
 """The networks that come with the package. `NetworkEstimator()` loads the one of joints, a checkpoint without training state.
 
-    model.safetensors              its filters in float16, the rest in float32; all is computed with in float32
+    model.safetensors              its filters in float16, the rest in float32; torch computes in float32
     meta.json                      its description, as in every checkpoint (kpopnet.networks)
     person.safetensors             its head that judges whether a crop shows a person
     finder.safetensors             the finder of people, stored likewise

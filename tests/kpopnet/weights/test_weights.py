@@ -251,8 +251,25 @@ def test_two_products_fit_into_16_bits(exported):
 
 
 def test_what_lies_beyond_the_ranges_is_cut_off(tmp_path, exported):
-    """An input that is like none of those that told the ranges costs accuracy, and gives no nonsense."""
+    """So the ranges are those of the inputs that are given, and such as are too narrow cost accuracy."""
     content, crops = exported
-    rounded = eight_bits.in_eight_bits(content, [{"crops": 0.1 * crops}])
-    joints = opened(tmp_path, rounded).run(None, {"crops": crops})[0]
-    assert np.isfinite(joints).all() and np.abs(joints[..., :2]).max() <= 1
+    exact, right, narrow = (
+        opened(tmp_path, one).run(None, {"crops": crops})[0]
+        for one in (content, *(eight_bits.in_eight_bits(content, [{"crops": scale * crops}]) for scale in (1, 0.1)))
+    )
+    assert np.abs(narrow - exact).mean() > 2 * np.abs(right - exact).mean()
+
+
+@pytest.mark.parametrize("network", ["joints", "finder", "masks"])
+def test_the_networks_of_the_package_compute_with_integers_at_their_coarser_levels_alone(network):
+    graph = onnx.load(next(FOLDER / name for name in SHA256[network] if name.endswith(".onnx")), load_external_data=False).graph
+    made = {name: node for node in graph.node for name in node.output}
+    rounded = 0
+    for node in graph.node:
+        if node.op_type == "Conv":
+            sources = [made.get(name) for name in node.input[:2]]
+            by_integers = all(source and source.op_type == "DequantizeLinear" for source in sources)
+            filters = made[sources[1].input[0]].input[0] if by_integers else node.input[1]
+            assert by_integers == filters.startswith(eight_bits.COARSER), filters
+            rounded += by_integers
+    assert rounded == 14 + (network != "joints")  # seven in each level, and the one that joins all
