@@ -50,8 +50,8 @@ class PoseEstimator:
 
         Args:
             network: estimates the joints of one person in single frames; None where the mode needs none.
-            mode: realtime; best: the network sees each frame in a mirror too, and `estimate` looks at the frames that follow;
-                or tracker: the body tracker, without a network.
+            mode: realtime; best: the network looks at each frame twice, and `estimate` at the frames that follow; or tracker:
+                the body tracker, without a network.
             people: largest number of people to follow.
             extraction: settings of what finds the people, of a type in `kpopnet.pose.extraction.EXTRACTIONS`.
 

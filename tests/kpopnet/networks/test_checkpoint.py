@@ -172,11 +172,12 @@ def test_another_description_is_refused(tmp_path, change, message):
         load_network(folder)
 
 
-def test_the_estimator_is_the_network_on_plain_crops(tmp_path):
+def test_the_estimators_first_look_is_the_network_on_plain_crops(tmp_path, monkeypatch):
+    monkeypatch.setattr("kpopnet.networks.estimator.CHILD", 0)
     estimator = NetworkEstimator(save(tmp_path))
     depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(40)])
     depth[7] = 0
-    estimate = estimator.estimate(depth, CAMERA)
+    estimate, _ = estimator.judge([(image_m, CAMERA) for image_m in depth], sure=0)
     shown = np.arange(40) != 7
     np.testing.assert_array_equal(np.isfinite(estimate.joints_camera_m).all(axis=(1, 2)), shown)
     np.testing.assert_array_equal((estimate.confidence > 0).all(axis=1), shown)
@@ -187,7 +188,8 @@ def test_the_estimator_is_the_network_on_plain_crops(tmp_path):
             uvd = load_network(tmp_path / "last")[0](image[None]).joints[0].numpy()
         np.testing.assert_allclose(estimate.joints_camera_m[frame], cube.to_metres(uvd), atol=1e-4)
     in_mm = (depth * 1000).round().astype(np.uint16)
-    np.testing.assert_allclose(estimator.estimate(in_mm, CAMERA).joints_camera_m, estimate.joints_camera_m, atol=0.05)
+    twice_m, twice_mm = (estimator.estimate(one, CAMERA).joints_camera_m for one in (depth, in_mm))
+    np.testing.assert_allclose(twice_mm, twice_m, atol=0.05)
 
 
 def test_a_single_frame_is_estimated_on_one_thread_as_in_a_sequence(tmp_path):

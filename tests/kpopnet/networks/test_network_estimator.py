@@ -7,12 +7,14 @@ import pytest
 from capsule_people import CAMERA, CapsulePeople
 from checkpoints import save_untrained
 from factories import draw_room
+from hypothesis import given
+from hypothesis import strategies as st
 
 from kpopnet.camera import CAMERAS
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
-from kpopnet.data.cube import View
+from kpopnet.data.cube import Cube, View, crop, person_centre
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.estimator import SURER, NetworkEstimator, seen_upright
+from kpopnet.networks.estimator import SURER, NetworkEstimator, second_cube, seen_upright, sizes, weighed
 from kpopnet.pose.person import detected
 from kpopnet.ridge import RidgeConfig
 from kpopnet.skeleton import NUM_JOINTS, Joint
@@ -113,6 +115,97 @@ def test_who_is_upright_is_looked_at_once_and_a_network_need_not_judge_nor_see_d
     lying = turned((1, 0))
     _, confidence, _ = seen_upright(of_the_second_channel, np.concatenate([1 - lying, lying], axis=1))
     assert asked == [2, 2, 1] and np.allclose(confidence, 0.9)
+
+
+def answering(estimator, monkeypatch, answers):
+    """The crops that the estimator asks its backend about, whose answers are (joints in cube units, confidence), one a crop;
+    the logit that it is a person is the number of the crop."""
+    crops, answers = [], iter(answers)
+
+    def backend(asked):
+        crops.extend(asked)
+        joints, sure = zip(*(next(answers) for _ in asked), strict=True)
+        return np.float32(joints), np.float32(sure), np.arange(len(crops) - len(asked), len(crops), dtype=np.float32)
+
+    monkeypatch.setattr(estimator, "backend", backend)
+    return crops
+
+
+def standing(cube, share=1.0):
+    """(15, 3) joints of an adult who stands in the middle of the cube, or of another share of their size, in cube units."""
+    lengths = np.linspace(-0.6, 0.6, NUM_JOINTS)  # of no particular person, but upright
+    joints_m = np.column_stack([np.arange(NUM_JOINTS) % 2 / 10, lengths, np.zeros(NUM_JOINTS)])
+    return cube.to_uvd(joints_m * share / sizes(joints_m) + cube.centre_m)
+
+
+SURELY, HARDLY = np.full(NUM_JOINTS, 0.95), np.full(NUM_JOINTS, 0.5)
+
+
+def test_who_is_seen_surely_is_looked_at_once_others_and_children_twice_and_at_best_all(estimator, monkeypatch):
+    people = CapsulePeople(3)
+    images = [(people.observe(index, 0).depth_m, CAMERA) for index in range(3)]
+    cubes = [Cube(person_centre(*image), estimator.model.half_size_m) for image in images]
+    first = [(standing(cubes[0]), SURELY), (standing(cubes[1]), HARDLY), (standing(cubes[2], 0.8), SURELY)]
+    for sure, looked_at_again in ((0.9, [1, 2]), (1.0, [0, 1, 2])):
+        crops = answering(estimator, monkeypatch, first + [first[row] for row in looked_at_again])
+        _, person_logit = estimator.judge(images, sure)
+        assert len(crops) == 3 + len(looked_at_again)
+        opinions = {row: [row] for row in range(3)} | {row: [row, 3 + k] for k, row in enumerate(looked_at_again)}
+        np.testing.assert_allclose(person_logit, [np.mean(opinions[row]) for row in range(3)])
+        for row, seen in zip(looked_at_again, crops[3:], strict=True):
+            again = second_cube(cubes[row], cubes[row].to_metres(first[row][0].astype(np.float32)))
+            np.testing.assert_array_equal(seen[..., ::-1], crop(*images[row], again, estimator.model.crop_px))
+            assert again.half_size_m == pytest.approx(estimator.model.half_size_m * (0.8 if row == 2 else 1))
+
+
+def test_both_looks_are_at_the_same_person_whose_left_stays_left(estimator, monkeypatch):
+    """A network that sees joints in the middle of each half of a silhouette sees them there again, wherever the cube and
+    however large it is: within two pixels of the crop."""
+    image = CapsulePeople(1).observe(0, 0).depth_m
+
+    def halves(crops):
+        joints = np.zeros((len(crops), NUM_JOINTS, 3), np.float32)
+        for row, (measured,) in enumerate(crops < 1):
+            at = (np.argwhere(measured)[:, ::-1] + 0.5) * 2 / measured.shape[0] - 1
+            order = np.argsort(at[:, 0])
+            joints[row, :, :2] = np.median(at, axis=0)
+            for joint in Joint:
+                if joint.name.startswith(("RIGHT", "LEFT")):
+                    half = order[: len(order) // 2] if joint.name.startswith("RIGHT") else order[len(order) // 2 :]
+                    joints[row, joint, :2] = at[half].mean(axis=0)
+        return joints, np.full((len(crops), NUM_JOINTS), 0.5, np.float32), None
+
+    monkeypatch.setattr(estimator, "backend", halves)
+    once_m, twice_m = (estimator.judge([(image, CAMERA)], sure)[0].joints_camera_m[0] for sure in (0.4, 1.0))
+    monkeypatch.setattr("kpopnet.networks.estimator.CHILD", 0.0)
+    plain_m = estimator.judge([(image, CAMERA)], 0.4)[0].joints_camera_m[0]
+    pixel_m = 2 * estimator.model.half_size_m / estimator.model.crop_px
+    assert np.abs(once_m - plain_m)[:, :2].max() < 2 * pixel_m and np.abs(twice_m - plain_m)[:, :2].max() < 2 * pixel_m
+    assert plain_m[Joint.LEFT_HAND, 0] - plain_m[Joint.RIGHT_HAND, 0] > 4 * pixel_m  # 36 cm
+
+
+def test_the_second_cube_lies_where_the_joints_are_and_is_as_large_as_the_person():
+    cube = Cube(np.float32([0.2, -0.1, 2.0]), 1.15)
+    adult_m = cube.to_metres(standing(cube))
+    hidden_legs_m = adult_m + np.float32([0, 0.4, 0.1])  # the silhouette's centre lies 40 cm above that of the joints
+    again = second_cube(cube, hidden_legs_m)
+    middle_m = (cube.centre_m + hidden_legs_m.mean(axis=0) - [0, 0, 0.1]) / 2
+    np.testing.assert_allclose(again.centre_m, middle_m, atol=1e-6)
+    assert again.half_size_m == cube.half_size_m
+    for share, expected in ((0.86, 1), (0.84, 0.84), (0.7, 0.7), (0.3, 0.6)):
+        child_m = cube.to_metres(standing(cube, share))
+        assert second_cube(cube, child_m).half_size_m == pytest.approx(expected * cube.half_size_m)
+    astray_m = adult_m - np.float32([0, 0, 8])  # behind the camera
+    assert second_cube(cube, astray_m).centre_m[2] == pytest.approx(1.0)
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_joints_of_two_looks_are_weighed_by_the_odds_that_they_are_right(one, other):
+    here, there = np.zeros((1, NUM_JOINTS, 3)), np.ones((1, NUM_JOINTS, 3))
+    joints_m, confidence = weighed(here, np.full((1, NUM_JOINTS), one), there, np.full((1, NUM_JOINTS), other))
+    assert np.allclose(confidence, (one + other) / 2)
+    odds = [p / (1 - p) for p in np.clip((one, other), 0.001, 0.999)]  # nothing is certain
+    assert np.allclose(joints_m, odds[1] / sum(odds))
 
 
 @pytest.mark.parametrize("mode", ["realtime", "best"])

@@ -18,8 +18,7 @@ from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
-from kpopnet.pose.person import DetectedPerson, PersonEstimator, detected
-from kpopnet.skeleton import MIRROR
+from kpopnet.pose.person import SURE, DetectedPerson, PersonEstimator, detected
 from kpopnet.sources import open_depth
 from kpopnet.sources.source import TimedDepth
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
@@ -122,8 +121,8 @@ def test_large_images_are_reduced_before_anything_looks_at_them():
     depth = np.zeros((4096, 4096), np.float32)
     depth[800:3400, 1600:2400] = 2.0
     PoseEstimator(network, "best").estimate(depth, camera, segmented=True)
-    (seen, theirs), (in_mirror, _) = network.asked
-    assert seen.size <= MOST_PIXELS >= in_mirror.size
+    ((seen, theirs),) = network.asked
+    assert seen.size <= MOST_PIXELS
     middle_m = camera.back_project([(1600 + 2399) / 2, (800 + 3399) / 2, 2.0])
     assert np.allclose(theirs.points(seen[0])[seen[0] > 0].mean(axis=0), middle_m, atol=0.002)
 
@@ -221,20 +220,17 @@ def test_an_empty_room_gives_an_empty_list_and_a_warning(caplog):
     assert PoseEstimator(Blob()).estimate(near, CAMERA) == [] and "is 0.04 m away in the median" in caplog.text
 
 
-def test_the_answers_to_an_image_and_its_mirror_image_are_averaged_side_by_side():
-    pose_m, speck, asked = POSE_M + np.float32((0, 0, 2)), np.zeros((60, 80), np.float32), []
-    speck[30, 40] = 2  # nothing that a body could be fitted to
-    answers = iter((pose_m + np.float32(0.1), (pose_m * np.float32((-1, 1, 1)))[MIRROR]))
+def test_realtime_asks_the_network_to_look_thoroughly_where_it_is_unsure_and_best_everywhere():
+    asked = []
 
-    def estimate(depth_m, camera):
-        asked.append((depth_m[0], camera.points(depth_m[0])))
-        return Estimate(next(answers)[None], np.full((1, 15), 0.5, np.float32))
+    def judge(images, sure):
+        asked.append(sure)
+        return Estimate.missing(len(images)), None
 
-    pose = DetectedPerson(CAMERA, SimpleNamespace(estimate=estimate), "best").update(speck, CAMERA, 0.0)
-    np.testing.assert_allclose(pose.joints_camera_m, pose_m + 0.05, atol=1e-6)
-    (plain, points_m), (mirrored, mirrored_m) = asked
-    np.testing.assert_array_equal(plain, mirrored[:, ::-1])
-    np.testing.assert_allclose(mirrored_m[:, ::-1] * [-1, 1, 1], points_m, atol=1e-6)
+    network = SimpleNamespace(judge=judge, estimate=judge, name="judge")
+    for mode in ("realtime", "best"):
+        detected(network, mode, [(person(20), CAMERA)])
+    assert asked == [SURE, 1.0]
 
 
 class Jittery(Blob):
@@ -244,21 +240,6 @@ class Jittery(Blob):
         found = super().estimate(depth_m, camera)
         error_m = 0.02 * np.random.default_rng(len(self.asked)).standard_normal(found.joints_camera_m.shape)
         return found._replace(joints_camera_m=found.joints_camera_m + error_m.astype(np.float32))
-
-
-def test_the_confidences_of_an_image_and_its_mirror_image_are_averaged_side_by_side():
-    sure = np.linspace(0.1, 0.8, 15, dtype=np.float32)
-    sided = SimpleNamespace(estimate=lambda depth_m, camera: Estimate(POSE_M[None], sure[None]))
-    (seen,) = detected(sided, "best", [(person(20), CAMERA)])
-    np.testing.assert_allclose(seen.confidence, (sure + sure[MIRROR]) / 2)
-
-
-def test_a_mirror_image_is_looked_at_with_the_camera_in_a_mirror():
-    camera = CAMERA.cropped(-15, 0, CAMERA.width, CAMERA.height)
-    (seen,) = detected(Blob(), "best", [(person(20), camera)])
-    centre_m = camera.points(person(20))[person(20) > 0].mean(axis=0)
-    expected_m = centre_m + (POSE_M + POSE_M[MIRROR] * np.float32([-1, 1, 1])) / 2
-    np.testing.assert_allclose(seen.joints_camera_m, expected_m, atol=1e-5)
 
 
 def test_the_frames_before_steady_a_person_at_rest_and_those_after_more_so():
