@@ -16,10 +16,10 @@ def write_film(folder, number, noise_m=0.03, frames=64):
     rng = np.random.default_rng(number)
     true_m = np.tile(rng.uniform(-0.5, 0.5, (15, 3)) + np.array([0, 0, 3]), (frames, 1, 1))
     film = {"true_m": true_m, "times_s": np.arange(frames) / 30, "hidden": np.zeros((frames, 15), bool)}
-    for prefix in ("", "mirror_"):
+    for mode in ("realtime", "best"):
         joints = (true_m + noise_m * rng.standard_normal(true_m.shape) for _ in range(2))
         values = (*joints, *(rng.uniform(0.6, 1.0, (frames, 15)) for _ in range(2)))
-        film |= {prefix + name: value for name, value in zip(Measured._fields, values, strict=True)}
+        film |= {f"{mode}_{name}": value for name, value in zip(Measured._fields, values, strict=True)}
     folder.mkdir(exist_ok=True)
     np.savez(folder / f"film_{number:05d}.npz", **film)
 

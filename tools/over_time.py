@@ -5,8 +5,8 @@
     python tools/over_time.py data/over_time/train --fresh data/over_time/fresh --out data/over_time/causal.safetensors
     python tools/over_time.py data/over_time/train --fresh data/over_time/fresh --out data/over_time/future.safetensors --future
 
-The causal form, of mode realtime, takes what the network and the fit say of each image; the other, of mode best, what they say
-of it and of its mirror image. Each is printed beside the mean of both, with paired 95 % intervals over films. SIMULATED depth.
+The causal form, of mode realtime, takes what the network and the fit say of each image in that mode; the other what they say in
+mode best. Each is printed beside the mean of both, with paired 95 % intervals over films. SIMULATED depth.
 """
 
 import argparse
@@ -39,18 +39,20 @@ HIDDEN, LR = 48, 5e-3
 AVERAGE_RATE = 0.02
 """Of the exponential average of the weights over the steps, which is the result."""
 
+MODES = "realtime", "best"  # of the causal form, and of that which reads the frames that follow
+
 ENDS = [Joint.RIGHT_HAND, Joint.LEFT_HAND, Joint.RIGHT_FOOT, Joint.LEFT_FOOT]
 HANDS, CORE = ENDS[:2], [joint for joint in range(NUM_JOINTS) if joint not in ENDS]
 FPS, REST_FRAMES, REST_M, FAST_M_S = 30.0, 10, 0.006, (1.5, 2.5)
 
 
-def films_in(folder: Path, mirrored: bool) -> list[dict[str, np.ndarray]]:
-    """The films of a folder as `varied` takes them, of plain images or with their mirror images."""
-    films, prefix = [], "mirror_" if mirrored else ""
+def films_in(folder: Path, mode: str) -> list[dict[str, np.ndarray]]:
+    """The films of a folder as `varied` takes them, as the network and the fit see them in mode realtime or best."""
+    films = []
     for path in sorted(folder.glob("film_*.npz")):
         with parsing(path, "not a readable film", "delete it and make it again"), np.load(path) as file:
             film = {name: file[name] for name in ("true_m", "times_s", "hidden")}
-            films.append(film | {name: file[prefix + name] for name in Measured._fields})
+            films.append(film | {name: file[f"{mode}_{name}"] for name in Measured._fields})
     if not films:
         raise InputError(f"{folder}: no film_*.npz; tools/over_time_films.py makes them")
     return films
@@ -246,10 +248,10 @@ def main() -> None:
     parser.add_argument("--epochs", type=int, default=EPOCHS, help="%(default)s")
     given = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    fresh = {mirrored: films_in(given.fresh, mirrored) for mirrored in (False, True)}
+    fresh = {future: films_in(given.fresh, MODES[future]) for future in (False, True)}
     given.out.parent.mkdir(parents=True, exist_ok=True)
     if not given.out.exists():
-        arrays = trained(films_in(given.films, given.future), given.future, given.epochs)
+        arrays = trained(films_in(given.films, MODES[given.future]), given.future, given.epochs)
         write_whole(given.out, safetensors.numpy.save(arrays))
     network = OverTime.load(given.out)
     if given.future and not network.future:

@@ -16,13 +16,12 @@ import numpy as np
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.made_sets import claim_folder
-from kpopnet.human import Human, Look
+from kpopnet.human import Human
 from kpopnet.networks import WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.person import DetectedPerson
 from kpopnet.runtime.atomic_write import write_npz
 from kpopnet.runtime.endings import user_errors
-from kpopnet.skeleton import MIRROR
 from kpopnet.weights import SHA256
 from synth.body.shape import draw_person
 from synth.motion import MotionConfig, build_motion
@@ -88,7 +87,7 @@ class Films:
         if take is None:
             return None
         camera, rows = CAMERAS["eval"], []
-        people = {prefix: DetectedPerson(camera, self.network, "realtime") for prefix in ("", "mirror_")}
+        people = {mode: DetectedPerson(camera, self.network, mode) for mode in ("realtime", "best")}
         covered = _covered(self._rng(index, 2), len(take), self.split == "train")
         noise, sensor = FilmNoise((*self.seed, index, 3)), SENSORS[choose(self._rng(index, 4), FILMED_BY)]
         for number, shot in enumerate(self.studio.shots(take, sensor, noise, range(len(take)))):
@@ -110,17 +109,13 @@ class Films:
     def _estimates(
         self, crop_m: np.ndarray, crop: Camera, people: dict[str, DetectedPerson], time_s: float
     ) -> dict[str, np.ndarray] | None:
-        """The arrays of `Measured` of a crop, and with its mirror image; None where the body was not fitted."""
-        one = self.network.estimate(crop_m[None], crop)
-        two = self.network.estimate(np.ascontiguousarray(crop_m[None, :, ::-1]), crop.mirrored())
-        mirrored_m = two.joints_camera_m[0, MIRROR] * np.array([-1, 1, 1], np.float32)
-        both = (one.joints_camera_m[0] + mirrored_m) / 2, (one.confidence[0] + two.confidence[0, MIRROR]) / 2
+        """The arrays of `Measured` of a crop in each mode; None where the body was not fitted."""
         row = {}
-        for (prefix, person), seen in zip(people.items(), ((one.joints_camera_m[0], one.confidence[0]), both), strict=True):
-            measured = person.update(crop_m, crop, time_s, Look(*seen, None)).measured
+        for mode, person in people.items():
+            measured = person.update(crop_m, crop, time_s).measured
             if measured is None or measured.fitted_m is measured.detected_m:
                 return None
-            row |= {prefix + name: value for name, value in measured._asdict().items()}
+            row |= {f"{mode}_{name}": value for name, value in measured._asdict().items()}
         return row
 
 
@@ -160,7 +155,8 @@ def main() -> None:
     parser.add_argument("--checkpoint", type=Path, help="another network than the one that comes with the package")
     given = parser.parse_args()
     films = Films(given.seed, given.split, given.clips, given.checkpoint)
-    made_with = {"weights": _digest(given.checkpoint), "seed": given.seed, "split": given.split, "clips": given.clips}
+    made_with = {name: getattr(given, name) for name in ("seed", "split", "clips")}
+    made_with |= {"weights": _digest(given.checkpoint), "looks": 2}
     claim_folder(given.out, "film_*.npz", made_with)
     for index in range(given.films):
         path = given.out / f"film_{index:05d}.npz"

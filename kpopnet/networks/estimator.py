@@ -42,27 +42,30 @@ SURER = 0.03
 class NetworkEstimator:
     """A `kpopnet.estimator.Estimator`.
 
-    Frames are independent: the person's centre is the median of the frame's silhouette, as in training. Each person is looked
-    at twice, the second time in a mirror, where and as closely as the first look tells (`second_cube`); the joints of both are
-    weighed by their confidence (`weighed`), the opinions whether it is a person are averaged. Who is not upright is seen
-    upright as well (`seen_upright`). The confidence is the network's estimate of the probability that the joint lies within
-    10 cm of the ground truth.
+    Frames are independent: the person's centre is the median of the frame's silhouette, as in training. A person is looked at
+    twice (test-time augmentation), the second time in a mirror, where and as closely as the first look tells (`second_cube`);
+    the joints of both are weighed by their confidence (`weighed`), the opinions whether it is a person are averaged. Who is
+    not upright is seen upright as well (`seen_upright`). The confidence is the network's estimate of the probability that the
+    joint lies within 10 cm of the ground truth.
     """
 
-    def __init__(self, checkpoint: Path | str | None = None, device: str = "cpu") -> None:
-        """Loads a network; arguments and errors as in `kpopnet.networks.backend.open_network`."""
+    def __init__(self, checkpoint: Path | str | None = None, device: str = "cpu", sure: float = 1.0) -> None:
+        """Loads a network; arguments and errors as in `kpopnet.networks.backend.open_network`.
+
+        With less than 1, `estimate` looks twice at children and at whom it is no more than so sure of, in the mean over joints.
+        """
         self.backend = open_network(checkpoint, device)
         self.meta = self.backend.meta
         self.model = ModelConfig(**self.meta["model"])
         self.name = self.model.name
-        self._warned = False
+        self._sure, self._warned = sure, False
         takes_ridge, settings = self.model.input == "depth_ridge", self.meta["config"].get("ridge", {})
         self.ridge = settings_from(RidgeConfig, settings, f"{checkpoint}: its ridge settings") if takes_ridge else None
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
-        return self.judge([(frame_m, camera) for frame_m in depth_m])[0]
+        return self.judge([(frame_m, camera) for frame_m in depth_m], self._sure)[0]
 
     def judge(self, images: Sequence[tuple[np.ndarray, Camera]], sure: float = 1.0) -> tuple[Estimate, np.ndarray | None]:
         """See `kpopnet.estimator.Judge`."""
@@ -78,14 +81,15 @@ class NetworkEstimator:
             joints_m, confidence, person = self._look(images, {row: cubes[row] for row in batch})
             if person is not None:
                 judges, person_logit[batch] = True, person
-            small = sizes(joints_m) < CHILD
-            again = [k for k in range(len(batch)) if small[k] or confidence[k].mean() <= sure]
-            if again:
-                cubes_again = {batch[k]: second_cube(cubes[batch[k]], joints_m[k]) for k in again}
-                other_m, other, other_logit = self._look(images, cubes_again, mirrored=True)
-                joints_m[again], confidence[again] = weighed(joints_m[again], confidence[again], other_m, other)
-                if other_logit is not None:
-                    person_logit[list(cubes_again)] = (person_logit[list(cubes_again)] + other_logit) / 2
+            again = np.flatnonzero((sizes(joints_m) < CHILD) | (confidence.mean(axis=1) <= sure))
+            if len(again):
+                rows_again = np.array(batch)[again].tolist()
+                second = {row: second_cube(cubes[row], joints_m[k]) for k, row in zip(again, rows_again, strict=True)}
+                second_m, second_confidence, second_logit = self._look(images, second, mirrored=True)
+                looks = joints_m[again], confidence[again], second_m, second_confidence
+                joints_m[again], confidence[again] = weighed(*looks)
+                if second_logit is not None:
+                    person_logit[rows_again] = (person_logit[rows_again] + second_logit) / 2
             result.joints_camera_m[batch], result.confidence[batch] = joints_m, confidence
         return result, person_logit if judges else None
 
@@ -110,8 +114,9 @@ def sizes(joints_m: np.ndarray) -> np.ndarray:
 def second_cube(cube: Cube, joints_m: np.ndarray) -> Cube:
     """The cube of the second look at whom the first saw with these (15, 3) joints, camera frame, metres.
 
-    Its centre is halfway from that of the silhouette, which lacks what is hidden, to that of the joints; a child fills it as an
-    adult does, for there are no children in the training.
+    Its centre is halfway from that of the silhouette, which lacks what is hidden, to that of the joints. A child fills it as an
+    adult would, down to `LEAST`, for there are no children in the training; in full rooms a fifth of the adults, hidden in
+    part, are taken for children too, which costs a third of a point (docs/ledger.md).
     """
     size = float(sizes(joints_m))
     centre_m = (cube.centre_m + joints_m.mean(axis=0) - np.array([0, 0, SKIN_M], np.float32)) / 2
@@ -120,12 +125,12 @@ def second_cube(cube: Cube, joints_m: np.ndarray) -> Cube:
 
 
 def weighed(
-    joints_m: np.ndarray, confidence: np.ndarray, other_m: np.ndarray, other: np.ndarray
+    joints_m: np.ndarray, confidence: np.ndarray, second_m: np.ndarray, second: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(N, 15, 3) joints of two looks, weighed by the odds of their (N, 15) confidences, and the means of the latter."""
-    odds, other_odds = (p / (1 - p) for p in np.clip((confidence, other), 0.001, 0.999))
-    share = other_odds / (odds + other_odds)
-    return joints_m + share[..., None] * (other_m - joints_m), (confidence + other) / 2
+    odds, second_odds = (p / (1 - p) for p in np.clip((confidence, second), 0.001, 0.999))
+    share = second_odds / (odds + second_odds)
+    return joints_m + share[..., None] * (second_m - joints_m), (confidence + second) / 2
 
 
 def seen_upright(network: Callable[[np.ndarray], Said], crops: np.ndarray) -> Said:

@@ -36,7 +36,8 @@ class PersonPose(NamedTuple):
     joints_camera_m: np.ndarray  # (15, 3) or (T, 15, 3) float32 joints, camera frame, metres; NaN where missing
     # (15,) or (T, 15) float32 estimated probability that the joint is within 10 cm of the truth, 0 where missing
     confidence: np.ndarray
-    # of `update` by a network: what it alone says of this image, (15, 3) and (15,), before the fit and what was seen before
+    # of `update` by a network: what it alone says of this image in this mode, (15, 3) and (15,), before the fit and without
+    # what was seen before
     network: Estimate | None = None
 
 
@@ -50,8 +51,8 @@ class PoseEstimator:
 
         Args:
             network: estimates the joints of one person in single frames; None where the mode needs none.
-            mode: realtime; best: the network looks at each frame twice, and `estimate` at the frames that follow; or tracker:
-                the body tracker, without a network.
+            mode: realtime; best: a `NetworkEstimator` looks at each frame twice, and `estimate` at the frames that follow; or
+                tracker: the body tracker, without a network.
             people: largest number of people to follow.
             extraction: settings of what finds the people, of a type in `kpopnet.pose.extraction.EXTRACTIONS`.
 

@@ -24,8 +24,8 @@ from kpopnet.tracker.tracker import Tracker
 from kpopnet.weights import shipped
 
 MODES = ("realtime", "best", "tracker")
-"""The body tracker estimates the joints, or a network. In `best` the network looks at each frame twice, in `realtime` where it
-is unsure (`SURE`) or sees a child; and in `best` the joints of a recording are estimated with a look at later frames."""
+"""The body tracker estimates the joints, or a network. In `best` a `Judge` looks at each frame twice, in `realtime` where it is
+unsure (`SURE`) or sees a child; and in `best` the joints of a recording are estimated with a look at later frames."""
 
 SURE = 0.9
 """In `realtime` the network looks twice at whom it is less sure of, in the mean over the joints: at 8 of 100 adults who are

@@ -9,6 +9,7 @@ from checkpoints import save_untrained
 from factories import draw_room
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from kpopnet.camera import CAMERAS
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
@@ -17,7 +18,7 @@ from kpopnet.networks import ModelConfig
 from kpopnet.networks.estimator import SURER, NetworkEstimator, second_cube, seen_upright, sizes, weighed
 from kpopnet.pose.person import detected
 from kpopnet.ridge import RidgeConfig
-from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 
 
 @pytest.fixture(scope="module")
@@ -138,21 +139,31 @@ def standing(cube, share=1.0):
     return cube.to_uvd(joints_m * share / sizes(joints_m) + cube.centre_m)
 
 
-SURELY, HARDLY = np.full(NUM_JOINTS, 0.95), np.full(NUM_JOINTS, 0.5)
+SURELY, HARDLY = np.full(NUM_JOINTS, 0.95), np.linspace(0.3, 0.6, NUM_JOINTS)
 
 
-def test_who_is_seen_surely_is_looked_at_once_others_and_children_twice_and_at_best_all(estimator, monkeypatch):
+@pytest.mark.parametrize("batch", [1, 2, 32])
+def test_who_is_seen_surely_is_looked_at_once_others_and_children_twice_and_at_best_all(estimator, monkeypatch, batch):
+    """Whoever is seen with them, and with nobody in the first image."""
+    monkeypatch.setattr("kpopnet.networks.estimator.BATCH", batch)
     people = CapsulePeople(3)
     images = [(people.observe(index, 0).depth_m, CAMERA) for index in range(3)]
     cubes = [Cube(person_centre(*image), estimator.model.half_size_m) for image in images]
     first = [(standing(cubes[0]), SURELY), (standing(cubes[1]), HARDLY), (standing(cubes[2], 0.8), SURELY)]
-    for sure, looked_at_again in ((0.9, [1, 2]), (1.0, [0, 1, 2])):
-        crops = answering(estimator, monkeypatch, first + [first[row] for row in looked_at_again])
-        _, person_logit = estimator.judge(images, sure)
-        assert len(crops) == 3 + len(looked_at_again)
-        opinions = {row: [row] for row in range(3)} | {row: [row, 3 + k] for k, row in enumerate(looked_at_again)}
-        np.testing.assert_allclose(person_logit, [np.mean(opinions[row]) for row in range(3)])
-        for row, seen in zip(looked_at_again, crops[3:], strict=True):
+    for sure, twice in ((0.9, [1, 2]), (1.0, [0, 1, 2])):
+        order = [rows for start in range(0, 3, batch) for rows in (range(start, min(start + batch, 3)),)]
+        looks = [(row, number) for rows in order for number in (0, 1) for row in rows if number == 0 or row in twice]
+        crops = answering(estimator, monkeypatch, [first[row] for row, _ in looks])
+        (_, confidence), person_logit = estimator.judge([(np.zeros_like(images[0][0]), CAMERA), *images], sure)
+        assert len(crops) == len(looks) and person_logit[0] == -np.inf and not confidence[0].any()
+        for row in range(3):
+            opinions = [number for number, (of, _) in enumerate(looks) if of == row]
+            assert person_logit[row + 1] == np.mean(opinions)
+            once = first[row][1].astype(np.float32)
+            expected = (once + once[MIRROR]) / 2 if row in twice else once
+            np.testing.assert_allclose(confidence[row + 1], expected, atol=1e-6)
+        again_of = [(row, crop) for (row, number), crop in zip(looks, crops, strict=True) if number]
+        for row, seen in again_of:
             again = second_cube(cubes[row], cubes[row].to_metres(first[row][0].astype(np.float32)))
             np.testing.assert_array_equal(seen[..., ::-1], crop(*images[row], again, estimator.model.crop_px))
             assert again.half_size_m == pytest.approx(estimator.model.half_size_m * (0.8 if row == 2 else 1))
@@ -199,13 +210,17 @@ def test_the_second_cube_lies_where_the_joints_are_and_is_as_large_as_the_person
     assert second_cube(cube, astray_m).centre_m[2] == pytest.approx(1.0)
 
 
-@given(st.floats(0, 1), st.floats(0, 1))
-def test_joints_of_two_looks_are_weighed_by_the_odds_that_they_are_right(one, other):
-    here, there = np.zeros((1, NUM_JOINTS, 3)), np.ones((1, NUM_JOINTS, 3))
-    joints_m, confidence = weighed(here, np.full((1, NUM_JOINTS), one), there, np.full((1, NUM_JOINTS), other))
-    assert np.allclose(confidence, (one + other) / 2)
-    odds = [p / (1 - p) for p in np.clip((one, other), 0.001, 0.999)]  # nothing is certain
-    assert np.allclose(joints_m, odds[1] / sum(odds))
+@given(arrays(np.float32, (2, 3, NUM_JOINTS), elements=st.floats(0, 1, width=32)))
+def test_joints_of_two_looks_are_weighed_by_the_odds_that_they_are_right(sure):
+    """Each for itself: 2 to 1 of each other, the same of the same, neither ever certain, and always between both."""
+    here, there = np.zeros((3, NUM_JOINTS, 3)), np.ones((3, NUM_JOINTS, 3))
+    joints_m, confidence = weighed(here, sure[0], there, sure[1])
+    np.testing.assert_allclose(confidence, sure.mean(axis=0), atol=1e-6)
+    assert (joints_m > 0).all() and (joints_m < 1).all()
+    surer = np.sign(sure.clip(0.001, 0.999)[1] - sure.clip(0.001, 0.999)[0])
+    assert (np.sign(joints_m - 0.5) * surer[..., None] >= 0).all()
+    sure[0], sure[1] = 0.5, 2 / 3
+    np.testing.assert_allclose(weighed(here, sure[0], there, sure[1])[0], 2 / 3, atol=1e-6)
 
 
 @pytest.mark.parametrize("mode", ["realtime", "best"])
@@ -225,6 +240,7 @@ def test_people_of_an_image_are_looked_at_at_once_as_one_by_one(mode, monkeypatc
         np.testing.assert_allclose(found.joints_camera_m, alone.joints_camera_m, atol=1e-5)
         np.testing.assert_allclose(found.confidence, alone.confidence, atol=1e-5)
         assert (found.person_logit is None) == (alone.person_logit is None) == (not image[0].any())
+        assert found.person_logit is None or found.person_logit == pytest.approx(alone.person_logit, abs=1e-4)
     assert detected(network, mode, []) == []
 
 
