@@ -8,6 +8,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.data.cube import Cube, crop, person_centre
+from kpopnet.errors import check_between
 from kpopnet.estimator import WHOLE_ROOM, Estimate, shows_a_room
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.backend import open_network
@@ -50,10 +51,11 @@ class NetworkEstimator:
     """
 
     def __init__(self, checkpoint: Path | str | None = None, device: str = "cpu", sure: float = 1.0) -> None:
-        """Loads a network; arguments and errors as in `kpopnet.networks.backend.open_network`.
+        """Loads a network; `checkpoint`, `device` and errors as in `kpopnet.networks.backend.open_network`.
 
-        With less than 1, `estimate` looks twice at children and at whom it is no more than so sure of, in the mean over joints.
+        With `sure` below 1, `estimate` looks twice only at children and at whom it is no more sure of, in the mean over joints.
         """
+        check_between("sure", sure, 0, 1)
         self.backend = open_network(checkpoint, device)
         self.meta = self.backend.meta
         self.model = ModelConfig(**self.meta["model"])

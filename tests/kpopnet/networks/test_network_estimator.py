@@ -14,9 +14,11 @@ from hypothesis.extra.numpy import arrays
 from kpopnet.camera import CAMERAS
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
 from kpopnet.data.cube import Cube, View, crop, person_centre
+from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
 from kpopnet.networks.estimator import SURER, NetworkEstimator, second_cube, seen_upright, sizes, weighed
 from kpopnet.pose.person import detected
+from kpopnet.programs.score import seeing_estimator
 from kpopnet.ridge import RidgeConfig
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 
@@ -251,3 +253,14 @@ def test_a_room_is_reported_once(estimator, caplog):
         estimator.estimate(room_m, camera)
     (record,) = caplog.records
     assert "shows a whole room" in record.message and "extract_person" in record.message
+
+
+def test_a_teacher_is_seen_by_the_network_as_lessons_see_learners():
+    """Twice only where it is unsure, however many images there are."""
+    people, network = CapsulePeople(3), NetworkEstimator()
+    images = [(people.observe(index, 0).depth_m, CAMERA) for index in range(3)]
+    seen = seeing_estimator("network").estimate(np.stack([depth_m for depth_m, _ in images]), CAMERA)
+    learners = detected(network, "realtime", images)
+    np.testing.assert_allclose(seen.joints_camera_m, [one.joints_camera_m for one in learners], atol=1e-5)
+    with pytest.raises(InputError, match="sure=2"):
+        NetworkEstimator(sure=2)
