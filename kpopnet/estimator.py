@@ -63,12 +63,14 @@ class Estimator(Protocol):
 class Judge(Estimator, Protocol):
     """An estimator that can tell whether depth shows a person at all."""
 
-    def judge(self, images: Sequence[tuple[np.ndarray, Camera]], sure: float = 1.0) -> tuple[Estimate, np.ndarray | None]:
+    def judge(
+        self, images: Sequence[tuple[np.ndarray, Camera]], second_pass_confidence: float = 1.0
+    ) -> tuple[Estimate, np.ndarray | None]:
         """What `estimate` answers of T images, (H, W) float32 metres each, 0 outside its person, and their cameras.
 
         Also a (T,) logit, whose sigmoid is the probability that an image shows a person, -inf of an empty silhouette; None if
-        it was not made to judge, or all silhouettes are empty. Who is seen with a mean confidence above `sure` may be looked at
-        less thoroughly.
+        it was not made to judge, or all silhouettes are empty. People with a mean confidence above `second_pass_confidence`
+        may get one pass of a network where others get two.
         """
         ...
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from kpopnet.camera import subsampled
 from kpopnet.data.made_sets import claim_folder
-from kpopnet.networks import WEIGHTS
+from kpopnet.networks import PASSES, WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.networks.over_time import Measured
 from kpopnet.pose.person import DetectedPerson
@@ -138,7 +138,7 @@ def main() -> None:
     parser.add_argument("--clips", help="a motion pack: recorded dances instead of composed ones")
     given = parser.parse_args()
     made_with = {name: getattr(given, name) for name in ("seed", "split", "seconds", "clips")}
-    claim_folder(given.out, "*.npz", {"weights": SHA256["joints"][WEIGHTS], "looks": 2} | made_with)
+    claim_folder(given.out, "*.npz", {"weights": SHA256["joints"][WEIGHTS], "passes": PASSES} | made_with)
     learners = Learners(given.split, given.seed, given.clips, given.seconds)
     number = 0
     for chosen in ROUNDS[: given.rounds]:

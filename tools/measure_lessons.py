@@ -22,6 +22,7 @@ from kpopnet.dance.noise.table import SEEN
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.data.made_sets import claim_folder
+from kpopnet.networks import PASSES
 from kpopnet.pose import PoseEstimator
 from kpopnet.programs.score import seen_teacher
 from kpopnet.runtime.atomic_write import write_json, write_npz
@@ -115,7 +116,7 @@ def main() -> None:
     parser.add_argument("--figures", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
     weights = {name: digest for files in SHA256.values() for name, digest in files.items()}
-    claim_folder(given.folder, "*.npz", {"seconds": SECONDS, "stride": STRIDE, "looks": 2, **weights})
+    claim_folder(given.folder, "*.npz", {"seconds": SECONDS, "stride": STRIDE, "passes": PASSES, **weights})
     estimator, learners = PoseEstimator.load(), []
     dances = range(DANCES + given.dances[0], DANCES + given.dances[1])
     with tqdm(total=len(dances) * len(KINDS), unit="learner") as bar:

@@ -90,7 +90,7 @@ class Scored(NamedTuple):
 
 
 def of_films(folder: Path, estimator: str) -> list[Seen]:
-    """The learners of a folder that tools/graded_learners.py made; `best` with but one look at who is seen surely."""
+    """The learners of a folder that tools/graded_learners.py made; `best` with one pass where confidence is high."""
     causal, future = map(OverTime.load, shipped("over_time"))
     estimates: dict[str, Callable[[Measured, np.ndarray], tuple[np.ndarray, np.ndarray]]] = {
         "network": lambda measured, _: (measured.detected_m, measured.detected),

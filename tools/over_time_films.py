@@ -17,7 +17,7 @@ import numpy as np
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.data.made_sets import claim_folder
 from kpopnet.human import Human
-from kpopnet.networks import WEIGHTS
+from kpopnet.networks import PASSES, WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.person import DetectedPerson
 from kpopnet.runtime.atomic_write import write_npz
@@ -156,7 +156,7 @@ def main() -> None:
     given = parser.parse_args()
     films = Films(given.seed, given.split, given.clips, given.checkpoint)
     made_with = {name: getattr(given, name) for name in ("seed", "split", "clips")}
-    made_with |= {"weights": _digest(given.checkpoint), "looks": 2}
+    made_with |= {"weights": _digest(given.checkpoint), "passes": PASSES}
     claim_folder(given.out, "film_*.npz", made_with)
     for index in range(given.films):
         path = given.out / f"film_{index:05d}.npz"

@@ -53,7 +53,7 @@ class RealtimeConfig(NetworkEstimatorConfig):
 
 @dataclass
 class BestConfig(RealtimeConfig):
-    """The same, with two looks at each frame and with the frames that follow (kpopnet.pose): joints of whole recordings."""
+    """The same, with two passes over each frame and with the frames that follow (kpopnet.pose): joints of whole recordings."""
 
 
 @dataclass

@@ -150,7 +150,7 @@ def _decide(depth_m, crop, number, decided, surest):
 
     Where the 4 x 4 cells around a pixel agree they decide: against the person whatever their depths, for them where the cell
     before it is at the pixel's. Elsewhere their mean does, weighed by how near they are in the image and in depth. Nothing out
-    of reach is theirs. Each cell is weighed for all pixels of a row between two cells, which a processor does side by side.
+    of reach is theirs. The innermost loop runs along a row of pixels, so that it vectorises.
     """
     h, w = crop.probability.shape
     (step_x, first_x), (step_y, first_y) = crop.to_image
@@ -167,7 +167,7 @@ def _decide(depth_m, crop, number, decided, surest):
                 at_x[x] = (first + x - first_x) / (step_x * STRIDE)
             for y in range(crop.rows[top], crop.rows[top + 1]):
                 z = depth_m[y, first:last]
-                nearest, farthest = np.float32(np.inf), np.float32(0)  # that a cell may be which has a say
+                nearest, farthest = np.float32(np.inf), np.float32(0)  # cells beyond these depths have weight 0
                 for x in range(last - first):
                     total[x] = weights[x] = 0
                     reach[x] = np.float32(BESIDE_M) + np.float32(BESIDE_PER_M) * z[x]
@@ -179,13 +179,13 @@ def _decide(depth_m, crop, number, decided, surest):
                 for row in range(max(top - 1, 0), min(top + 3, h)):
                     away = np.float32(0.2) + (np.float32(row) - at_y) ** 2
                     for column in range(max(left - 1, 0), min(left + 3, w)):
-                        cell_m, said, at = crop.cells_m[row, column], crop.probability[row, column], np.float32(column)
+                        cell_m, probability, at = crop.cells_m[row, column], crop.probability[row, column], np.float32(column)
                         if cell_m == 0 or cell_m <= nearest or cell_m >= farthest:
                             continue
                         for x in range(last - first):
                             aside = at - at_x[x]
                             weight = max(reach[x] - abs(cell_m - z[x]), np.float32(0)) / (away + aside * aside)
-                            total[x] += weight * said
+                            total[x] += weight * probability
                             weights[x] += weight
                 for x in range(last - first):
                     if agreed[x]:

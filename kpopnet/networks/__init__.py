@@ -25,6 +25,9 @@ STRIDES = (4, 8, 16)
 MAX_WIDTH = 512
 """A checkpoint's description chooses widths, and the crop: they bound the weights to 0.3 GB, and a batch's maps to a few."""
 
+PASSES = 2
+"""Of the network over a person, at most; stored estimates are keyed by it, and by the weights."""
+
 META, WEIGHTS, PERSON = "meta.json", "model.safetensors", "person.safetensors"
 FORMAT = "kpopnet-checkpoint"
 VERSION = 1

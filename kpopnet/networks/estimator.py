@@ -27,12 +27,12 @@ Said = tuple[np.ndarray, np.ndarray, np.ndarray | None]
 ADULT_M = 4.16
 """Sum of the bones of the mean adult of training, metres: of 20,000 images of `preset=release`."""
 
-CHILD, LEAST = 0.85, 0.6
-"""Whose bones are together shorter than `CHILD` of that, as those of 2 % of these adults, is looked at in a smaller cube, of no
-less than `LEAST` of an adult's."""
+CHILD_SIZE, MIN_SIZE = 0.85, 0.6
+"""The second pass for people below `CHILD_SIZE` of the mean adult, as are 2 % of these adults, has a smaller cube, of at least
+`MIN_SIZE` of an adult's."""
 
-SKIN_M = 0.1
-"""So much nearer than the mean of the joints is the median point of a silhouette: 9 cm in clean images, 14 in rooms."""
+SURFACE_OFFSET_M = 0.1
+"""How much nearer the median point of a silhouette is than the mean of the joints: 9 cm in clean images, 14 in rooms."""
 
 PARENTS, CHILDREN = np.array(BONES).T
 
@@ -43,33 +43,36 @@ SURER = 0.03
 class NetworkEstimator:
     """A `kpopnet.estimator.Estimator`.
 
-    Frames are independent: the person's centre is the median of the frame's silhouette, as in training. A person is looked at
-    twice (test-time augmentation), the second time in a mirror, where and as closely as the first look tells (`second_cube`);
-    the joints of both are weighed by their confidence (`weighed`), the opinions whether it is a person are averaged. Who is
+    Frames are independent: the person's centre is the median of the frame's silhouette, as in training. People get
+    two passes of the network (test-time augmentation), the second on a mirrored crop whose place and size follow from the first
+    (`second_cube`); the joints of both are weighed by their confidence (`fused`), the logits of a person averaged. Who is
     not upright is seen upright as well (`seen_upright`). The confidence is the network's estimate of the probability that the
     joint lies within 10 cm of the ground truth.
     """
 
-    def __init__(self, checkpoint: Path | str | None = None, device: str = "cpu", sure: float = 1.0) -> None:
+    def __init__(self, checkpoint: Path | str | None = None, device: str = "cpu", second_pass_confidence: float = 1.0) -> None:
         """Loads a network; `checkpoint`, `device` and errors as in `kpopnet.networks.backend.open_network`.
 
-        With `sure` below 1, `estimate` looks twice only at children and at whom it is no more sure of, in the mean over joints.
+        `estimate` makes a second pass for children, and for people of whom the first has at most this confidence, in the mean
+        over the joints.
         """
-        check_between("sure", sure, 0, 1)
+        check_between("second_pass_confidence", second_pass_confidence, 0, 1)
         self.backend = open_network(checkpoint, device)
         self.meta = self.backend.meta
         self.model = ModelConfig(**self.meta["model"])
         self.name = self.model.name
-        self._sure, self._warned = sure, False
+        self._second_pass_confidence, self._warned = second_pass_confidence, False
         takes_ridge, settings = self.model.input == "depth_ridge", self.meta["config"].get("ridge", {})
         self.ridge = settings_from(RidgeConfig, settings, f"{checkpoint}: its ridge settings") if takes_ridge else None
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
-        return self.judge([(frame_m, camera) for frame_m in depth_m], self._sure)[0]
+        return self.judge([(frame_m, camera) for frame_m in depth_m], self._second_pass_confidence)[0]
 
-    def judge(self, images: Sequence[tuple[np.ndarray, Camera]], sure: float = 1.0) -> tuple[Estimate, np.ndarray | None]:
+    def judge(
+        self, images: Sequence[tuple[np.ndarray, Camera]], second_pass_confidence: float = 1.0
+    ) -> tuple[Estimate, np.ndarray | None]:
         """See `kpopnet.estimator.Judge`."""
         if images and not self._warned and shows_a_room(*images[len(images) // 2]):
             self._warned = True
@@ -80,22 +83,24 @@ class NetworkEstimator:
         cubes = {row: Cube(centre_m, self.model.half_size_m) for row, centre_m in enumerate(centres_m) if centre_m is not None}
         rows = list(cubes)
         for batch in (rows[i : i + BATCH] for i in range(0, len(rows), BATCH)):
-            joints_m, confidence, person = self._look(images, {row: cubes[row] for row in batch})
+            joints_m, confidence, person = self._run(images, {row: cubes[row] for row in batch})
             if person is not None:
                 judges, person_logit[batch] = True, person
-            again = np.flatnonzero((sizes(joints_m) < CHILD) | (confidence.mean(axis=1) <= sure))
+            again = np.flatnonzero(
+                (relative_sizes(joints_m) < CHILD_SIZE) | (confidence.mean(axis=1) <= second_pass_confidence)
+            )
             if len(again):
                 rows_again = np.array(batch)[again].tolist()
                 second = {row: second_cube(cubes[row], joints_m[k]) for k, row in zip(again, rows_again, strict=True)}
-                second_m, second_confidence, second_logit = self._look(images, second, mirrored=True)
-                looks = joints_m[again], confidence[again], second_m, second_confidence
-                joints_m[again], confidence[again] = weighed(*looks)
+                second_m, second_confidence, second_logit = self._run(images, second, mirrored=True)
+                passes = joints_m[again], confidence[again], second_m, second_confidence
+                joints_m[again], confidence[again] = fused(*passes)
                 if second_logit is not None:
                     person_logit[rows_again] = (person_logit[rows_again] + second_logit) / 2
             result.joints_camera_m[batch], result.confidence[batch] = joints_m, confidence
         return result, person_logit if judges else None
 
-    def _look(self, images: Sequence[tuple[np.ndarray, Camera]], cubes: dict[int, Cube], mirrored: bool = False) -> Said:
+    def _run(self, images: Sequence[tuple[np.ndarray, Camera]], cubes: dict[int, Cube], mirrored: bool = False) -> Said:
         """What the network says of the cubes around people, by number of the image, in a mirror or not; joints in metres."""
         crops = np.stack([self._crop(*images[row], cube) for row, cube in cubes.items()])
         uvd, confidence, person = seen_upright(self.backend, np.ascontiguousarray(crops[..., ::-1]) if mirrored else crops)
@@ -108,28 +113,28 @@ class NetworkEstimator:
         return crop(depth_m, camera, cube, self.model.crop_px, ridge)
 
 
-def sizes(joints_m: np.ndarray) -> np.ndarray:
+def relative_sizes(joints_m: np.ndarray) -> np.ndarray:
     """The sum of the bones of (..., 15, 3) joints, as a share of the mean adult's: (...)."""
     return np.linalg.norm(joints_m[..., PARENTS, :] - joints_m[..., CHILDREN, :], axis=-1).sum(axis=-1) / ADULT_M
 
 
 def second_cube(cube: Cube, joints_m: np.ndarray) -> Cube:
-    """The cube of the second look at whom the first saw with these (15, 3) joints, camera frame, metres.
+    """The cube of the second pass, from the (15, 3) joints of the first, camera frame, metres.
 
     Its centre is halfway from that of the silhouette, which lacks what is hidden, to that of the joints. A child fills it as an
-    adult would, down to `LEAST`, for there are no children in the training; in full rooms a fifth of the adults, hidden in
+    adult would, down to `MIN_SIZE`, for there are no children in the training; in full rooms a fifth of the adults, hidden in
     part, are taken for children too, which costs a third of a point (docs/ledger.md).
     """
-    size = float(sizes(joints_m))
-    centre_m = (cube.centre_m + joints_m.mean(axis=0) - np.array([0, 0, SKIN_M], np.float32)) / 2
-    centre_m[2] = max(centre_m[2], cube.centre_m[2] / 2)  # before the camera, whatever the network said
-    return Cube(centre_m, cube.half_size_m * (max(size, LEAST) if size < CHILD else 1))
+    size = float(relative_sizes(joints_m))
+    centre_m = (cube.centre_m + joints_m.mean(axis=0) - np.array([0, 0, SURFACE_OFFSET_M], np.float32)) / 2
+    centre_m[2] = max(centre_m[2], cube.centre_m[2] / 2)  # before the camera, whatever was detected
+    return Cube(centre_m, cube.half_size_m * (max(size, MIN_SIZE) if size < CHILD_SIZE else 1))
 
 
-def weighed(
+def fused(
     joints_m: np.ndarray, confidence: np.ndarray, second_m: np.ndarray, second: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(N, 15, 3) joints of two looks, weighed by the odds of their (N, 15) confidences, and the means of the latter."""
+    """(N, 15, 3) joints of two passes, weighed by the odds of their (N, 15) confidences, and the means of the latter."""
     odds, second_odds = (p / (1 - p) for p in np.clip((confidence, second), 0.001, 0.999))
     share = second_odds / (odds + second_odds)
     return joints_m + share[..., None] * (second_m - joints_m), (confidence + second) / 2

@@ -51,7 +51,7 @@ class PoseEstimator:
 
         Args:
             network: estimates the joints of one person in single frames; None where the mode needs none.
-            mode: realtime; best: a `NetworkEstimator` looks at each frame twice, and `estimate` at the frames that follow; or
+            mode: realtime; best: a `NetworkEstimator` makes two passes over each frame, and `estimate` reads later ones; or
                 tracker: the body tracker, without a network.
             people: largest number of people to follow.
             extraction: settings of what finds the people, of a type in `kpopnet.pose.extraction.EXTRACTIONS`.

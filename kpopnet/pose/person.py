@@ -24,12 +24,12 @@ from kpopnet.tracker.tracker import Tracker
 from kpopnet.weights import shipped
 
 MODES = ("realtime", "best", "tracker")
-"""The body tracker estimates the joints, or a network. In `best` a `Judge` looks at each frame twice, in `realtime` where it is
-unsure (`SURE`) or sees a child; and in `best` the joints of a recording are estimated with a look at later frames."""
+"""The body tracker estimates the joints, or a network. In `best` a `Judge` makes two passes over each frame, in `realtime`
+where its confidence is low (`SECOND_PASS_CONFIDENCE`) or it sees a child; and `best` reads later frames of a recording too."""
 
-SURE = 0.9
-"""In `realtime` the network looks twice at whom it is less sure of, in the mean over the joints: at 8 of 100 adults who are
-alone, at 56 of 100 in full rooms, SIMULATED."""
+SECOND_PASS_CONFIDENCE = 0.9
+"""In `realtime` people with at most this confidence, in the mean over the joints, get a second pass of the network: 8 of 100
+adults who are alone, 56 of 100 in full rooms, SIMULATED."""
 
 
 class Pose(NamedTuple):
@@ -53,7 +53,7 @@ def _over_time(sees_future: bool) -> OverTime:
 def detected(network: Estimator, mode: str, images: Sequence[tuple[np.ndarray, Camera]]) -> list[Look]:
     """What a network sees in (H, W) images of one person each, in metres, 0 elsewhere, and their cameras."""
     if isinstance(network, Judge):
-        (joints_m, confidence), logits = network.judge(images, SURE if mode == "realtime" else 1.0)
+        (joints_m, confidence), logits = network.judge(images, SECOND_PASS_CONFIDENCE if mode == "realtime" else 1.0)
         # A silhouette that is too small to be looked at is not judged.
         judged = [None] * len(images) if logits is None else [None if one == -math.inf else one for one in logits.tolist()]
         return [Look(*one) for one in zip(joints_m, confidence, judged, strict=True)]

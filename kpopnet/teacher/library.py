@@ -20,7 +20,7 @@ from kpopnet.dance.scoring import check_free, check_weights
 from kpopnet.dance.words.moments import phrase_length_s
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
-from kpopnet.networks import WEIGHTS
+from kpopnet.networks import PASSES, WEIGHTS
 from kpopnet.runtime.atomic_write import claim, write_npz
 from kpopnet.runtime.input_files import (
     ArraySchema,
@@ -179,9 +179,9 @@ which err more like each other than those that the fit has moved to each person'
 
 
 def _digest(dancers: Sequence[TaughtDance]) -> str:
-    """Of the dancers' joints, and of the network that sees them and how often it looks."""
+    """Of the dancers' joints, and of the network that sees them and its number of passes."""
     joints = b"".join(one.joints_m.tobytes() for one in dancers)
-    return hashlib.sha256(f"{SEEN_AS} {SHA256['joints'][WEIGHTS]} by two looks".encode() + joints).hexdigest()
+    return hashlib.sha256(f"{SEEN_AS} {SHA256['joints'][WEIGHTS]} {PASSES}".encode() + joints).hexdigest()
 
 
 class Library:

@@ -173,11 +173,11 @@ def test_another_description_is_refused(tmp_path, change, message):
 
 
 def test_the_estimators_first_look_is_the_network_on_plain_crops(tmp_path, monkeypatch):
-    monkeypatch.setattr("kpopnet.networks.estimator.CHILD", 0)
+    monkeypatch.setattr("kpopnet.networks.estimator.CHILD_SIZE", 0)
     estimator = NetworkEstimator(save(tmp_path))
     depth = np.stack([draw_depth(draw_joints(np.random.default_rng(seed))) for seed in range(40)])
     depth[7] = 0
-    estimate, _ = estimator.judge([(image_m, CAMERA) for image_m in depth], sure=0)
+    estimate, _ = estimator.judge([(image_m, CAMERA) for image_m in depth], second_pass_confidence=0)
     shown = np.arange(40) != 7
     np.testing.assert_array_equal(np.isfinite(estimate.joints_camera_m).all(axis=(1, 2)), shown)
     np.testing.assert_array_equal((estimate.confidence > 0).all(axis=1), shown)

@@ -16,7 +16,7 @@ from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
 from kpopnet.data.cube import Cube, View, crop, person_centre
 from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.estimator import SURER, NetworkEstimator, second_cube, seen_upright, sizes, weighed
+from kpopnet.networks.estimator import SURER, NetworkEstimator, fused, relative_sizes, second_cube, seen_upright
 from kpopnet.pose.person import detected
 from kpopnet.programs.score import seeing_estimator
 from kpopnet.ridge import RidgeConfig
@@ -138,7 +138,7 @@ def standing(cube, share=1.0):
     """(15, 3) joints of an adult who stands in the middle of the cube, or of another share of their size, in cube units."""
     lengths = np.linspace(-0.6, 0.6, NUM_JOINTS)  # of no particular person, but upright
     joints_m = np.column_stack([np.arange(NUM_JOINTS) % 2 / 10, lengths, np.zeros(NUM_JOINTS)])
-    return cube.to_uvd(joints_m * share / sizes(joints_m) + cube.centre_m)
+    return cube.to_uvd(joints_m * share / relative_sizes(joints_m) + cube.centre_m)
 
 
 SURELY, HARDLY = np.full(NUM_JOINTS, 0.95), np.linspace(0.3, 0.6, NUM_JOINTS)
@@ -146,7 +146,7 @@ SURELY, HARDLY = np.full(NUM_JOINTS, 0.95), np.linspace(0.3, 0.6, NUM_JOINTS)
 
 @pytest.mark.parametrize("batch", [1, 2, 32])
 def test_who_is_seen_surely_is_looked_at_once_others_and_children_twice_and_at_best_all(estimator, monkeypatch, batch):
-    """Whoever is seen with them, and with nobody in the first image."""
+    """Whatever the batch, and with no person in the first image."""
     monkeypatch.setattr("kpopnet.networks.estimator.BATCH", batch)
     people = CapsulePeople(3)
     images = [(people.observe(index, 0).depth_m, CAMERA) for index in range(3)]
@@ -190,7 +190,7 @@ def test_both_looks_are_at_the_same_person_whose_left_stays_left(estimator, monk
 
     monkeypatch.setattr(estimator, "backend", halves)
     once_m, twice_m = (estimator.judge([(image, CAMERA)], sure)[0].joints_camera_m[0] for sure in (0.4, 1.0))
-    monkeypatch.setattr("kpopnet.networks.estimator.CHILD", 0.0)
+    monkeypatch.setattr("kpopnet.networks.estimator.CHILD_SIZE", 0.0)
     plain_m = estimator.judge([(image, CAMERA)], 0.4)[0].joints_camera_m[0]
     pixel_m = 2 * estimator.model.half_size_m / estimator.model.crop_px
     assert np.abs(once_m - plain_m)[:, :2].max() < 2 * pixel_m and np.abs(twice_m - plain_m)[:, :2].max() < 2 * pixel_m
@@ -216,13 +216,13 @@ def test_the_second_cube_lies_where_the_joints_are_and_is_as_large_as_the_person
 def test_joints_of_two_looks_are_weighed_by_the_odds_that_they_are_right(sure):
     """Each for itself: 2 to 1 of each other, the same of the same, neither ever certain, and always between both."""
     here, there = np.zeros((3, NUM_JOINTS, 3)), np.ones((3, NUM_JOINTS, 3))
-    joints_m, confidence = weighed(here, sure[0], there, sure[1])
+    joints_m, confidence = fused(here, sure[0], there, sure[1])
     np.testing.assert_allclose(confidence, sure.mean(axis=0), atol=1e-6)
     assert (joints_m > 0).all() and (joints_m < 1).all()
     surer = np.sign(sure.clip(0.001, 0.999)[1] - sure.clip(0.001, 0.999)[0])
     assert (np.sign(joints_m - 0.5) * surer[..., None] >= 0).all()
     sure[0], sure[1] = 0.5, 2 / 3
-    np.testing.assert_allclose(weighed(here, sure[0], there, sure[1])[0], 2 / 3, atol=1e-6)
+    np.testing.assert_allclose(fused(here, sure[0], there, sure[1])[0], 2 / 3, atol=1e-6)
 
 
 @pytest.mark.parametrize("mode", ["realtime", "best"])
@@ -262,5 +262,5 @@ def test_a_teacher_is_seen_by_the_network_as_lessons_see_learners():
     seen = seeing_estimator("network").estimate(np.stack([depth_m for depth_m, _ in images]), CAMERA)
     learners = detected(network, "realtime", images)
     np.testing.assert_allclose(seen.joints_camera_m, [one.joints_camera_m for one in learners], atol=1e-5)
-    with pytest.raises(InputError, match="sure=2"):
-        NetworkEstimator(sure=2)
+    with pytest.raises(InputError, match="second_pass_confidence=2"):
+        NetworkEstimator(second_pass_confidence=2)

@@ -18,7 +18,7 @@ from kpopnet.paper_extraction import PaperExtractor
 from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
-from kpopnet.pose.person import SURE, DetectedPerson, PersonEstimator, detected
+from kpopnet.pose.person import SECOND_PASS_CONFIDENCE, DetectedPerson, PersonEstimator, detected
 from kpopnet.sources import open_depth
 from kpopnet.sources.source import TimedDepth
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
@@ -230,7 +230,7 @@ def test_realtime_asks_the_network_to_look_thoroughly_where_it_is_unsure_and_bes
     network = SimpleNamespace(judge=judge, estimate=judge, name="judge")
     for mode in ("realtime", "best"):
         detected(network, mode, [(person(20), CAMERA)])
-    assert asked == [SURE, 1.0]
+    assert asked == [SECOND_PASS_CONFIDENCE, 1.0]
 
 
 class Jittery(Blob):
