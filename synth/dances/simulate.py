@@ -31,6 +31,7 @@ from synth.dances.skill import LEVELS, Mistake, SkillConfig, draw_strengths, lea
 from synth.motion import SPLITS
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion
+from synth.motion.splice import turned_to_front
 from synth.samples.layers import silhouette_box, widened
 from synth.samples.observe import MARGIN_PX
 from synth.scene.room import ViewConfig
@@ -55,7 +56,8 @@ VIEW = ViewConfig(height_m=(0.8, 1.4), aim_m=(0.9, 1.1), roll_deg=1.0)
 BODY = BodyConfig()
 
 MAX_TRAVEL_M = 1.0
-"""Dances whose horizontal range, along either axis, is larger are rejected: they do not fit in front of one camera."""
+"""Dances whose horizontal range, along either axis, is larger are rejected: they do not fit in front of one camera. Recorded
+ones are looked at before they are turned to the camera, so that the same are taken either way."""
 
 SHEET_DANCES, TILES, TILE_PX = 3, 8, 160
 
@@ -76,6 +78,8 @@ class KpopSimConfig:
         faults: family of the learners' faults: skill for the model of skill; mixed for a second, independent family, in which
             a better level has less of every fault (synth/dances/faults.py); ends for a perfect learner, another dance, random
             waving and standing still, whose scores and not whose order mean something.
+        facing: whom recorded dances (motion=clips) face in the mean: camera; or recording, what they faced when they were
+            recorded, which leaves most dancers in profile. Composed dances face the camera.
     """
 
     name: str = "kpop_sim"
@@ -83,11 +87,12 @@ class KpopSimConfig:
     dances: int = DANCES
     split: str = "test"
     faults: str = "skill"
+    facing: str = "camera"
 
     def __post_init__(self) -> None:
         check_between("benchmark.seed", self.seed, 0, 2**32 - 1)
         check_between("benchmark.dances", self.dances, 1, DANCES)
-        for name, known in (("split", SPLITS), ("faults", SPACING)):
+        for name, known in (("split", SPLITS), ("faults", SPACING), ("facing", ("camera", "recording"))):
             check_one_of(f"benchmark.{name}", getattr(self, name), known)
 
 
@@ -162,7 +167,7 @@ class KpopSim(SetGenerator):
             offset_m = (motion.root_m - motion.root_m[0])[:, [0, 2]]
             long_enough = len(motion) >= self.seconds[0] * FPS - 1
             if long_enough and np.ptp(offset_m, axis=0).max() < MAX_TRAVEL_M and not is_faulty(motion):
-                return motion
+                return turned_to_front(motion) if recorded and self.benchmark.facing == "camera" else motion
         raise InputError(
             f"{dance_name(index)}: none of {DANCE_TRIES} recordings drawn lasts {self.seconds[0]:g} s, stays within "
             f"{MAX_TRAVEL_M} m and has no jumps; give other recordings, or take motion=choreography"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kpopnet.rotations import conjugate, multiply, normalised, rotate, towards
+from kpopnet.rotations import about, conjugate, multiply, normalised, rotate, towards
 from synth.motion.skeleton import Motion, forward_kinematics, height_above_floor
 
 _BLEND_SPEED_RAD_S = 5.0
@@ -97,6 +97,17 @@ def heading(hips: np.ndarray) -> np.ndarray:
     """(4,) rotation about the vertical of a rotation (4,) of Hips; the identity where an upside-down pose has none."""
     size = np.hypot(hips[0], hips[2])
     return np.array([hips[0], 0, hips[2], 0], np.float64) / size if size > 1e-3 else np.array([1.0, 0, 0, 0])
+
+
+def turned_to_front(motion: Motion) -> Motion:
+    """The motion turned about the vertical so that Hips face the front in the mean of their headings."""
+    headings = np.array([heading(hips) for hips in motion.quats[:, 0]])
+    mean_rad = np.angle(np.exp(2j * np.arctan2(headings[:, 2], headings[:, 0])).mean())
+    back = about(1, np.array([-mean_rad]))
+    quats = motion.quats.astype(np.float64)
+    quats[:, 0] = multiply(back, quats[:, 0])
+    root_m = rotate(back, motion.root_m.astype(np.float64))
+    return Motion(quats.astype(np.float32), root_m.astype(np.float32), motion.fps, motion.name, motion.leg_m)
 
 
 def planted(quats: np.ndarray, fps: float, name: str, leg_m: float) -> Motion:

@@ -105,10 +105,14 @@ class SetGenerator(ABC):
     def as_json(self) -> str:
         """The settings as JSON, without the size of the set, with the generator's version and digests of body and BVH files."""
         settings = asdict(self)
-        del settings["benchmark"][f"{self.part}s"]
-        children = settings["benchmark"].pop("children", 0.0)
-        if children:  # sets of adults are known by the settings of before there were children
-            settings["benchmark"]["children"] = children
+        benchmark = settings["benchmark"]
+        del benchmark[f"{self.part}s"]
+        children = benchmark.get("children", 0.0)
+        # Sets of adults, of composed dances, and of recorded ones as they were, are known by the settings of before.
+        if not children:
+            benchmark.pop("children", None)
+        if not self.motion.uses_clips or benchmark.get("facing") == "recording":
+            benchmark.pop("facing", None)
         settings |= {"generator": self.generator, "body_asset": digest(children > 0)} | identity_of_recordings(self.motion)
         return json.dumps(settings, sort_keys=True)
 

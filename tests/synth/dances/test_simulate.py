@@ -1,6 +1,7 @@
 """The stand-in for the K-Pop set: its content, its separation from training sets, and its reproducibility."""
 
 import itertools
+import json
 import pickle
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import synth.dances.simulate
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
+from kpopnet.rotations import about, multiply
 from kpopnet.skeleton import Joint
 from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, connected
 from synth.dances.skill import LEVELS
@@ -162,3 +164,29 @@ def test_only_clips_of_category_dance_are_used(tmp_path):
     maker = replace(SHORT, motion=MotionConfig(source="clips", path=str(tmp_path)))
     with pytest.raises(InputError, match="no clip of category dance"):
         maker.teacher_motion(0)
+
+
+def test_recorded_dancers_face_the_camera_and_dance_the_same_as_in_their_recording(monkeypatch):
+    composed = SHORT.teacher_motion(0)
+    turned = replace(composed, quats=composed.quats.copy())
+    turned.quats[:, 0] = multiply(about(1, np.array(1.4)), composed.quats[:, 0])
+    monkeypatch.setattr(KpopSim, "_recorded", lambda self, rng, seconds: turned)
+    pack = MotionConfig("clips", path="pack")
+    recorded = {facing: KpopSim(KpopSimConfig(facing=facing), pack, seconds=(0.8, 1.0)) for facing in ("camera", "recording")}
+    joints_m = {facing: maker.teacher_joints_m(0) for facing, maker in recorded.items()}
+    across_m = {facing: (m[:, Joint.LEFT_SHOULDER] - m[:, Joint.RIGHT_SHOULDER]).mean(axis=0) for facing, m in joints_m.items()}
+    assert across_m["camera"][0] > 4 * abs(across_m["camera"][2])
+    assert abs(across_m["recording"][2]) > 4 * abs(across_m["recording"][0])
+    apart = [np.linalg.norm(m[:, :, None] - m[:, None], axis=-1) for m in joints_m.values()]
+    np.testing.assert_allclose(*apart, atol=1e-4)
+
+
+def test_sets_of_before_there_was_a_facing_are_still_known(tmp_path):
+    (tmp_path / "index.csv").write_text("clip_id,file,category,split,seconds\n")
+    pack = MotionConfig("clips", path=str(tmp_path))
+    settings = [
+        json.loads(replace(SHORT, benchmark=KpopSimConfig(facing=facing), motion=motion).as_json())["benchmark"]
+        for motion in (SHORT.motion, pack)
+        for facing in ("camera", "recording")
+    ]
+    assert ["facing" in one for one in settings] == [False, False, True, False]

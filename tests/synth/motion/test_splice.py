@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kpopnet.rotations import about, multiply
+from kpopnet.rotations import about, multiply, rotate
 from synth.motion.choreography.composer import dance
 from synth.motion.choreography.programmes import FEATURES, show
 from synth.motion.skeleton import LEG_M, Motion, forward_kinematics, height_above_floor
-from synth.motion.splice import cut, eased, follow, heading, planted, resampled
+from synth.motion.splice import cut, eased, follow, heading, planted, resampled, turned_to_front
 
 FPS = 30.0
 
@@ -74,6 +74,18 @@ def test_the_second_motion_continues_in_the_last_heading_of_the_first():
     seam = len(eased(turning(2.0, FPS), at_end=True)) - 1
     displacement = joined.root_m[-1] - joined.root_m[seam]
     np.testing.assert_allclose(displacement, 1.2 * np.array([np.sin(1.0), 0, np.cos(1.0)]), atol=0.02)
+
+
+def test_a_motion_is_turned_to_the_front_as_a_rigid_body():
+    motion = turning(2.0, FPS)  # by one radian to the left
+    front = turned_to_front(motion)
+    np.testing.assert_allclose(points(front), rotate(about(1, np.array(-0.5)), points(motion)), atol=1e-4)
+    # From 135 degrees through the back to -135: the mean is the back.
+    quats = motion.quats.copy()
+    quats[:, 0] = about(1, np.radians(np.linspace(135, 225, len(motion))))
+    front = turned_to_front(replace(motion, quats=quats))
+    expected = about(1, np.radians(np.linspace(-45, 45, len(motion))))
+    np.testing.assert_allclose(np.abs((front.quats[:, 0] * expected).sum(axis=1)), 1, atol=1e-6)  # q and -q are the same
 
 
 @pytest.mark.parametrize("kind", [*FEATURES, "dance", "mixture", "handstand"])
