@@ -1,14 +1,14 @@
 """Makes SIMULATED learners with one fault of known size each, and what a network and the fit say of their depth, no depth.
 
-    python tools/graded_learners.py data/graded/train --dances 12
-    python tools/graded_learners.py data/graded/train_clips --dances 12 --clips PACK
+    python tools/graded_learners.py data/graded/best --dances 12 --mode best
+    python tools/graded_learners.py data/graded/best_clips --dances 12 --mode best --clips PACK
     python tools/graded_learners.py data/graded/fresh --dances 5 --rounds 1 --split validation --seed 7 --seconds 10
 
 Dances are those of `kpop_sim` of another seed, each learner is another person. A file holds the teacher's joints, the
 learner's true ones, and what the image network and the fit to the depth say of every frame
 (`kpopnet.networks.over_time.Measured`), so that another estimate from these needs no new images. Finished files stay when it is
-run again; a folder takes those of one network, seed, split and length. tools/measure_noise.py reads them. Run from the root of
-a checkout with `PYTHONPATH=.`.
+run again; a folder takes those of one network, mode, seed, split and length. tools/measure_noise.py reads them. Run from the
+root of a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
@@ -102,10 +102,10 @@ def on_body(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 class Learners:
     """Makes learner k of a dance from the seed, the split, the dance's number and k."""
 
-    def __init__(self, split: str, seed: int, clips: str | None, seconds: float) -> None:
+    def __init__(self, split: str, seed: int, clips: str | None, seconds: float, mode: str) -> None:
         motion = MotionConfig(source="choreography") if clips is None else MotionConfig(source="clips", path=clips)
         self.set = KpopSim(KpopSimConfig(seed=seed, split=split), motion, seconds=(seconds, seconds + 1.0))
-        self.network = NetworkEstimator()
+        self.network, self.mode = NetworkEstimator(), mode
 
     def learner(self, dance: int, number: int, fault: str, size: int) -> dict[str, np.ndarray]:
         """Arrays of learner `number` of a dance, see the module."""
@@ -114,7 +114,7 @@ class Learners:
         else:
             motion = FAULTS[fault](self.set.teacher_motion(dance), size)
         packed, true_m = self.set.record(dance, number, self.set.take(dance, number, motion))
-        person, rows = DetectedPerson(packed.camera, self.network, "realtime"), []
+        person, rows = DetectedPerson(packed.camera, self.network, self.mode), []
         sizes = np.prod(packed.boxes[:, 2:] - packed.boxes[:, :2], axis=1)
         for (x0, y0, x1, y1), part in zip(packed.boxes, np.split(packed.depth_mm, np.cumsum(sizes)[:-1]), strict=True):
             whole = np.zeros((1, packed.camera.height, packed.camera.width), np.float32)
@@ -131,15 +131,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--dances", type=int, default=6, help="how many: %(default)s")
-    parser.add_argument("--rounds", type=int, default=len(ROUNDS) - 1, help="of learners, see ROUNDS: %(default)s")
+    parser.add_argument("--rounds", type=int, default=len(ROUNDS), help="of learners, see ROUNDS: %(default)s")
     parser.add_argument("--seconds", type=float, default=12.0, help="least length of a dance: %(default)s")
     parser.add_argument("--split", choices=SPLITS, default="train", help="people and dances: %(default)s")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--clips", help="a motion pack: recorded dances instead of composed ones")
+    asked = "whom the network sees twice: everybody, or those whose confidence is low (%(default)s)"
+    parser.add_argument("--mode", choices=("best", "realtime"), default="realtime", help=asked)
     given = parser.parse_args()
-    made_with = {name: getattr(given, name) for name in ("seed", "split", "seconds", "clips")}
+    made_with = {name: getattr(given, name) for name in ("seed", "split", "seconds", "clips", "mode")}
     claim_folder(given.out, "*.npz", {"weights": SHA256["joints"][WEIGHTS], "passes": PASSES} | made_with)
-    learners = Learners(given.split, given.seed, given.clips, given.seconds)
+    learners = Learners(given.split, given.seed, given.clips, given.seconds, given.mode)
     number = 0
     for chosen in ROUNDS[: given.rounds]:
         for dance in range(given.dances):

@@ -116,8 +116,8 @@ def main() -> None:
     parser.add_argument("--figures", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
     weights = {name: digest for files in SHA256.values() for name, digest in files.items()}
-    claim_folder(given.folder, "*.npz", {"seconds": SECONDS, "stride": STRIDE, "passes": PASSES, **weights})
-    estimator, learners = PoseEstimator.load(), []
+    claim_folder(given.folder, "*.npz", {"seconds": SECONDS, "stride": STRIDE, "passes": PASSES, "mode": "best", **weights})
+    estimator, learners = PoseEstimator.load(mode="best"), []
     dances = range(DANCES + given.dances[0], DANCES + given.dances[1])
     with tqdm(total=len(dances) * len(KINDS), unit="learner") as bar:
         for dance in dances:

@@ -1,11 +1,11 @@
 """Measures what an estimator's errors do to scores of training dances, for the table `kpopnet.dance.noise.table.NOISE`.
 
-    python tools/graded_learners.py data/graded/train --dances 10 --rounds 2
-    python tools/measure_noise.py data/graded/train data/graded/train_clips --estimator realtime --write
+    python tools/graded_learners.py data/graded/best --dances 12 --mode best
+    python tools/measure_noise.py data/graded/best data/graded/best_clips --estimator network --write
     python -m synth benchmark=kpop_sim benchmark.split=train benchmark.dances=6 out=data/kpop_train
     python tools/measure_noise.py data/kpop_train --estimator tracker                    # of images
     python tools/measure_noise.py data/graded/fresh --estimator realtime --known         # other people and dances
-    python tools/measure_noise.py data/graded/seen data/graded/seen_clips --estimator realtime --seen-teacher --write
+    python tools/measure_noise.py data/graded/best data/graded/best_clips --estimator network --seen-teacher --write
 
 Folders hold dances in the K-Pop format, or what tools/graded_learners.py makes. What perfect dancing keeps is learnt from every
 learner compared with their own true joints, so that only the sensor and the estimator differ; beside teachers as the estimator
@@ -90,7 +90,7 @@ class Scored(NamedTuple):
 
 
 def of_films(folder: Path, estimator: str) -> list[Seen]:
-    """The learners of a folder that tools/graded_learners.py made; `best` with one pass where confidence is high."""
+    """The learners of a folder that tools/graded_learners.py made."""
     causal, future = map(OverTime.load, shipped("over_time"))
     estimates: dict[str, Callable[[Measured, np.ndarray], tuple[np.ndarray, np.ndarray]]] = {
         "network": lambda measured, _: (measured.detected_m, measured.detected),

@@ -86,11 +86,11 @@ def seen_teacher(teacher: Performance, name: str, estimator: Estimator | None = 
 
 
 def seeing_estimator(name: str) -> Estimator:
-    """The package's estimator of a name of SEEN_BY; the network passes as in mode realtime, by which lessons are graded."""
+    """The package's estimator of a name of SEEN_BY."""
     from kpopnet.networks.estimator import NetworkEstimator
-    from kpopnet.pose.person import SECOND_PASS_CONFIDENCE, PersonEstimator
+    from kpopnet.pose.person import PersonEstimator
 
-    network = NetworkEstimator(second_pass_confidence=SECOND_PASS_CONFIDENCE)
+    network = NetworkEstimator()
     return network if name == "network" else PersonEstimator(network, name)
 
 

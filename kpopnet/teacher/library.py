@@ -179,9 +179,9 @@ which err more like each other than those that the fit has moved to each person'
 
 
 def _digest(dancers: Sequence[TaughtDance]) -> str:
-    """Of the dancers' joints, and of the network that sees them and its number of passes."""
+    """Of the dancers' joints, and of the network that sees them and its number of passes, for everybody."""
     joints = b"".join(one.joints_m.tobytes() for one in dancers)
-    return hashlib.sha256(f"{SEEN_AS} {SHA256['joints'][WEIGHTS]} {PASSES}".encode() + joints).hexdigest()
+    return hashlib.sha256(f"{SEEN_AS} {SHA256['joints'][WEIGHTS]} {PASSES} everybody".encode() + joints).hexdigest()
 
 
 class Library:

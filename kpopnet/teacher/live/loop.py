@@ -22,7 +22,7 @@ from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.runtime.parallel import end_with_parent
 from kpopnet.skeleton import Joint
 from kpopnet.sources.live import NewestImage
-from kpopnet.teacher.library import TaughtDance
+from kpopnet.teacher.library import SHOWN_BY, TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Lesson
 from kpopnet.teacher.live.score import Calibration, DanceTry, kept_formation, together
 from kpopnet.teacher.live.webcam import NO_DEPTH_M, WebcamCamera, WebcamEstimator
@@ -51,14 +51,14 @@ PEOPLE = 2
 """People whose joints are estimated at least: the learner, and one who walks by."""
 
 
-def load_estimator(checkpoint: str | None, people: int = PEOPLE) -> PoseEstimator:
+def load_estimator(checkpoint: str | None, people: int = PEOPLE, mode: str = "realtime") -> PoseEstimator:
     """The estimator of a checkpoint: None is the package's network, or the tracker without one; "tracker" the tracker.
 
-    Raises InputError if the checkpoint cannot be loaded.
+    `mode` is that of a network. Raises InputError if the checkpoint cannot be loaded.
     """
     if checkpoint != "tracker":
         try:
-            return PoseEstimator.load(checkpoint, people=people)
+            return PoseEstimator.load(checkpoint, mode, people)
         except InputError:
             if checkpoint is not None:
                 raise
@@ -68,6 +68,8 @@ def load_estimator(checkpoint: str | None, people: int = PEOPLE) -> PoseEstimato
 def noise_of(estimator: PoseEstimator) -> str:
     """The name in `NOISE` of an estimator's known errors, or none."""
     name = getattr(estimator, "name", getattr(estimator, "mode", ""))
+    if name == "best":  # which reads no later images in a lesson
+        return SHOWN_BY
     return name if name in NOISE else "none"
 
 
@@ -127,7 +129,7 @@ def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint:
     """Holds one lesson after another until the other end says so, or closes; the estimator stays warm."""
     end_with_parent()
     with contextlib.suppress(EOFError, BrokenPipeError, KeyboardInterrupt):
-        kernels, estimator = CompiledKernels(), load_estimator(checkpoint)
+        kernels, estimator = CompiledKernels(), load_estimator(checkpoint, mode="best")  # two passes for everybody
         while (message := connection.recv())[0] != "quit":
             if message[0] != "prepare":
                 continue  # of a lesson that has ended

@@ -15,7 +15,7 @@ import pytest
 from kpopnet.camera import CAMERAS
 from kpopnet.dance.joint_files.mediapipe import WEBCAM
 from kpopnet.errors import InputError
-from kpopnet.pose import PersonPose
+from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.sources.live import NewestImage
 from kpopnet.sources.source import CameraAwayError, LiveCamera
 from kpopnet.teacher.live import loop
@@ -139,7 +139,7 @@ def held(library, monkeypatch, request):
         cameras.append(Unsteady(clock))
         return cameras[0]
 
-    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: Knowing(dance))
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: Knowing(dance))
     people = getattr(request, "param", 1)  # whose scores are looked at: slowly, for slow machines
     lesson = Lesson("dance_001", to_s=4.0 if people == 1 else 2.5, people=people, speed=1.0 if people == 1 else 0.25)
     with serving(opener) as server:
@@ -150,7 +150,7 @@ def held(library, monkeypatch, request):
 
 def test_who_is_recorded_has_the_joints_of_every_image_told_and_others_do_not(library, monkeypatch):
     dance = library.dance("dance_001")
-    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: Knowing(dance))
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: Knowing(dance))
     first = [[*map(float, point), 1.0] for point in dance.joints_m[0].astype(np.float64).round(4)]
     for record in (True, False):
         with serving(lambda lesson, dance, clock: Unsteady(clock)) as server:
@@ -224,7 +224,7 @@ def test_what_the_packages_network_saw_of_a_dance_is_not_for_another_network(lib
         given.put(dance)
         raise InputError("no camera")
 
-    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: None)
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: None)
     monkeypatch.setattr(loop, "RunningLesson", refuse)
     with serving(None, checkpoint) as server:
         server.send(("prepare", 1, Lesson("dance_001"), replace(taught, others=(taught,))))
@@ -234,7 +234,7 @@ def test_what_the_packages_network_saw_of_a_dance_is_not_for_another_network(lib
 
 def test_each_picture_of_a_webcam_is_used_when_it_comes(library, monkeypatch):
     """They come as messages, which a lesson that waits for an image of a camera does not read."""
-    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint: None)
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: None)
     monkeypatch.setattr(loop, "FRAME_PATIENCE_S", 1000.0)
     monkeypatch.setattr(loop, "NOBODY_PATIENCE_S", 0.0)
     seen, kinds = read_seen({"points": [], "age_ms": 0.0}), []
@@ -270,3 +270,9 @@ def test_two_learners_are_scored_each_by_the_teacher_and_both_by_each_other(held
     assert content["total"] > late["total"] + 5 and late["who"] == "" and len(arrays["joints_m"]) > 30
     common = content["together"]
     assert common["after_s"] == [0.0, pytest.approx(LATE_S, abs=0.06)] and common["posture"] > common["timing"]
+
+
+def test_lessons_make_two_passes_and_know_the_errors_of_what_sees_no_later_image():
+    estimator = loop.load_estimator(None, mode="best")
+    assert estimator.mode == "best" and loop.noise_of(estimator) == "realtime"
+    assert loop.noise_of(PoseEstimator(None, "tracker")) == "tracker"
