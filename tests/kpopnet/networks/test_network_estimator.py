@@ -256,11 +256,11 @@ def test_a_room_is_reported_once(estimator, caplog):
 
 
 def test_a_teacher_is_seen_by_the_network_as_lessons_see_learners():
-    """Twice only where it is unsure, however many images there are."""
+    """In two passes over everybody, however many images there are."""
     people, network = CapsulePeople(3), NetworkEstimator()
     images = [(people.observe(index, 0).depth_m, CAMERA) for index in range(3)]
     seen = seeing_estimator("network").estimate(np.stack([depth_m for depth_m, _ in images]), CAMERA)
-    learners = detected(network, "realtime", images)
+    learners = detected(network, "best", images)
     np.testing.assert_allclose(seen.joints_camera_m, [one.joints_camera_m for one in learners], atol=1e-5)
     with pytest.raises(InputError, match="second_pass_confidence=2"):
         NetworkEstimator(second_pass_confidence=2)
