@@ -41,11 +41,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from kpopnet.dance.performance import numbers, poses
 from kpopnet.dance.vectors import at, cross, dot, in_frame, norm, plus, times, unit
+from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.skeleton import Joint
 
 TURN_WINDOW_S = 0.5
 """Time over which the turn of the whole body is measured."""
+
+LEAST_FPS = 2.0
+"""At fewer frames per second no two of them lie within it."""
 
 MIN_BONE_M = 0.01
 """A shorter bone has no direction: the angles that need it are missing."""
@@ -113,13 +118,17 @@ def dance_features(joints_m: np.ndarray, feature: str, fps: float, confidence: n
     """The features, one of FEATURES, of uniformly spaced poses; changes and turns of the first frames are missing.
 
     The (T, 15, 3) joints are in any right-handed frame, metres, NaN where missing; for [17] in the camera frame (x right, y
-    down). The (T, 15) confidence in 0..1 is 1 for all by default.
+    down). The (T, 15) confidence in 0..1 is 1 for all by default. Raises InputError: another name or shape, or less than
+    LEAST_FPS frames per second.
     """
-    joints_m = np.asarray(joints_m, np.float64)
+    check_one_of("feature", feature, FEATURES)
+    check_between("fps", fps, LEAST_FPS, 1000)
+    joints_m = poses(joints_m)
+    confidence = np.ones(joints_m.shape[:2]) if confidence is None else numbers("confidence", confidence)
+    if confidence.shape != joints_m.shape[:2]:
+        raise InputError(f"confidence of shape {confidence.shape}: expected one number a joint, {joints_m.shape[:2]}")
     names, compute, _ = FEATURES[feature]
     angles = compute(joints_m, fps)
-    if confidence is None:
-        confidence = np.ones(joints_m.shape[:2])
     return Features(*angles, _angles_confidence(angles.angles_rad, confidence, names), joints_m)
 
 
@@ -145,8 +154,11 @@ def _joints_of(names: tuple[str, ...]) -> np.ndarray:
 
 
 def dance22_features(joints_m: np.ndarray, turn_frames: int | None = None) -> Angles:
-    """The paper's 22-D feature of (T, 15, 3) joints; with a 23rd angle, the turn of the body within `turn_frames`, if given."""
-    angles = Angles(*_dance22(np.ascontiguousarray(joints_m), turn_frames or 1))
+    """The paper's 22-D feature of (T, 15, 3) joints; with a 23rd angle, the turn of the body within `turn_frames`, if given.
+
+    Raises InputError for another shape.
+    """
+    angles = Angles(*_dance22(poses(joints_m), turn_frames or 1))
     return angles if turn_frames else Angles(*(np.ascontiguousarray(array[:, :-1]) for array in angles))
 
 
@@ -185,8 +197,9 @@ def limb_directions(joints_m):
 
 
 def raptis_features(joints_m: np.ndarray) -> Angles:
-    """The 19-D feature of [17] from (T, 15, 3) joints in the camera frame."""
-    return Angles(*_raptis(np.ascontiguousarray(joints_m), _principal_frame(joints_m)))
+    """The 19-D feature of [17] from (T, 15, 3) joints in the camera frame; raises InputError for another shape."""
+    joints_m = poses(joints_m)
+    return Angles(*_raptis(joints_m, _principal_frame(joints_m)))
 
 
 @njit(cache=True)

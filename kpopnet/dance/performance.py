@@ -66,9 +66,11 @@ class Performance:
         self, joints_m: ArrayLike, times_s: ArrayLike, confidence: ArrayLike | None = None, estimator: str = "none"
     ) -> None:
         """Checks and copies the arrays; see `mask_missing_joints`."""
-        joints_m, times_s = numbers("joints", joints_m), numbers("times", times_s)
-        if joints_m.ndim != 3 or joints_m.shape[1:] != (NUM_JOINTS, 3) or not len(joints_m):
-            raise InputError(f"joints of shape {joints_m.shape}: expected (frames, {NUM_JOINTS}, 3) and at least one frame")
+        joints_m, times_s = poses(joints_m), numbers("times", times_s)
+        if not isinstance(estimator, str):
+            raise InputError(f"estimator={estimator!r:.80}: expected the name of one, or none")
+        if not len(joints_m):
+            raise InputError(f"joints of shape {joints_m.shape}: expected at least one frame")
         if times_s.shape != joints_m.shape[:1]:
             raise InputError(f"{len(joints_m)} frames with times of shape {times_s.shape}: expected one time a frame")
         valid = np.isfinite(times_s)
@@ -138,10 +140,13 @@ def from_absolute_clocks(dances: Sequence[Performance]) -> list[Performance]:
 
     Those of a dance that was recorded together with the first one count from the first one's: they share its clock.
     """
+    if not isinstance(dances, list | tuple):
+        raise InputError(f"dances: expected a list of them, got {dances!r:.80}")
     for one in dances:
         check_dance(one, "a dance")
-    first, found = dances[0], []
+    found = []
     for one in dances:
+        first = dances[0]
         together = one.times_s[0] < first.times_s[-1] and first.times_s[0] < one.times_s[-1]
         start_s = (first if together else one).times_s[0]
         times_s = one.times_s - (start_s if start_s > ABSOLUTE_S else 0.0)
@@ -194,6 +199,14 @@ def numbers(what: str, given: ArrayLike) -> np.ndarray:
         return np.array(given, np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"{what}: expected an array of numbers ({error})") from error
+
+
+def poses(joints_m: ArrayLike) -> np.ndarray:
+    """A (T, 15, 3) float64 copy of joints. Raises InputError for another shape, and as `numbers`."""
+    copy_m = numbers("joints", joints_m)
+    if copy_m.ndim != 3 or copy_m.shape[1:] != (NUM_JOINTS, 3):
+        raise InputError(f"joints of shape {copy_m.shape}: expected (frames, {NUM_JOINTS}, 3)")
+    return copy_m
 
 
 def mask_missing_joints(joints_m: np.ndarray, confidence: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:

@@ -24,7 +24,7 @@ from kpopnet.dance.noise.table import known_noise, noise_between
 from kpopnet.dance.paper import PaperScorer, PaperTeacher
 from kpopnet.dance.parts import PartScorer, PartTeacher
 from kpopnet.dance.performance import Performance, as_performance, numbers, resampled, with_derived_torso
-from kpopnet.dance.timing import MIN_POSTURE, tempo
+from kpopnet.dance.timing import BEATS_S, MIN_POSTURE, tempo
 from kpopnet.dance.window import BAND_FRAMES, FPS, PARTS, WINDOW_FRAMES, WINDOW_S, WindowScore, not_compared
 from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.languages import Said
@@ -48,9 +48,6 @@ Settings of these three were chosen by one rule on the same dances (tools/calibr
 
 MOST_WEIGHT = 1e6
 """Of a figure in a total: more than anybody needs, and sums of such are finite."""
-
-BEATS_S = 0.05, 10.0
-"""Shortest and longest beat of a music, seconds."""
 
 MIRROR_MARGIN = 10.0
 """Points by which the mirrored comparison has to be better before it is preferred, or hinted at."""

@@ -5,9 +5,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kpopnet.dance.performance import numbers
-from kpopnet.errors import InputError
+from kpopnet.dance.performance import numbers, poses
+from kpopnet.errors import InputError, check_between
 from kpopnet.skeleton import Joint
+
+BEATS_S = 0.05, 10.0
+"""Shortest and longest beat of a music, seconds."""
 
 MIN_POSTURE = 50.0
 """Windows of a lower posture score may be matched by chance, so their delays do not count."""
@@ -74,15 +77,19 @@ def measured_latency_s(delay_s: ArrayLike, posture: ArrayLike) -> float:
     return float(np.median(delay_s[good])) if good.sum() >= MIN_WINDOWS else math.nan
 
 
-def beat_latency_s(joints_m: np.ndarray, times_s: np.ndarray, beat_s: float) -> float:
+def beat_latency_s(joints_m: ArrayLike, times_s: ArrayLike, beat_s: float) -> float:
     """The constant delay of a set-up, from a person who raises an arm, or claps, on every beat of a metronome.
 
     The height of each hand and the nearness of the two repeat with the beat. Each is averaged over the beats, by a least
     squares fit of a Fourier series. The one that moves most on average counts, if enough of it repeats with the beat; its
     highest point lies on the beat, but for the delay. That is between minus and plus half a beat; NaN where no hand moves
     with the beat. The (T, 15, 3) joints are in a level camera's frame, NaN where missing; the metronome ticks at multiples of
-    `beat_s` seconds on the clock of the (T,) times.
+    `beat_s` seconds on the clock of the (T,) times. Raises InputError for other shapes, times or beats.
     """
+    check_between("seconds of a beat", beat_s, *BEATS_S)
+    joints_m, times_s = poses(joints_m), numbers("times", times_s)
+    if times_s.shape != joints_m.shape[:1] or not np.isfinite(times_s).all():
+        raise InputError(f"{len(joints_m)} frames with times of shape {times_s.shape}: expected one time a frame, finite")
     left, right = joints_m[:, Joint.LEFT_HAND], joints_m[:, Joint.RIGHT_HAND]
     trunk_m = joints_m[:, Joint.TORSO, 1]
     signals = (trunk_m - left[:, 1], trunk_m - right[:, 1], -np.linalg.norm(left - right, axis=1))

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from kpopnet.dance.features import FEATURES, dance_features
+from kpopnet.dance.features import FEATURES, dance22_features, dance_features, raptis_features
+from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
 JOINTS_M = dance_joints_m(0)[::7]
@@ -100,6 +101,24 @@ def test_joints_that_no_angle_needs_lower_no_confidence():
         np.testing.assert_array_equal(without.angles_rad, whole.angles_rad)
         np.testing.assert_array_equal(without.confidence, whole.confidence)
     assert np.isnan(dance_features(joints_m, "raptis", FPS).angles_rad).all()  # [17]'s torso frame is made of the neck, too
+
+
+@pytest.mark.parametrize(
+    ("refused", "message"),
+    [
+        (lambda: dance_features(JOINTS_M, "dance", FPS), "feature=dance: expected one of dance22, dance22_turn, raptis"),
+        (lambda: dance_features(JOINTS_M, "dance22_turn", 1), "fps=1: expected a number in 2..1000"),
+        (lambda: dance_features(JOINTS_M, "dance22", "30"), "fps='30': expected a number"),
+        (lambda: dance_features(JOINTS_M[..., :2], "dance22", FPS), r"joints of shape \(.*, 15, 2\): expected \(frames, "),
+        (lambda: dance_features(np.ma.masked_array(JOINTS_M), "dance22", FPS), "joints: a masked array"),
+        (lambda: dance_features(JOINTS_M, "raptis", FPS, np.ones(15)), r"confidence of shape \(15,\): expected one number"),
+        (lambda: dance22_features(JOINTS_M[0]), r"joints of shape \(15, 3\): expected"),
+        (lambda: raptis_features("joints.npz"), "joints: expected an array of numbers"),
+    ],
+)
+def test_what_is_no_dance_has_no_features(refused, message):
+    with pytest.raises(InputError, match=message):
+        refused()
 
 
 def test_a_turn_of_the_whole_body_changes_only_the_heading():

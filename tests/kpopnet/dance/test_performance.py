@@ -63,6 +63,9 @@ def test_a_dance_on_an_absolute_clock_begins_with_its_first_frame_or_with_the_da
     np.testing.assert_allclose([one.times_s[0] for one in given], [0, 1.5, 0, 12])
     np.testing.assert_array_equal(given[3].times_s, dances[3].times_s)
     np.testing.assert_allclose(performance.from_absolute_clocks(dances[::-1])[2].times_s, TIMES_S, atol=1e-6)
+    assert performance.from_absolute_clocks([]) == []
+    with pytest.raises(InputError, match="dances: expected a list of them, got"):
+        performance.from_absolute_clocks(dances[0])
     with pytest.raises(InputError, match="are they seconds"):
         performance.Performance(JOINTS_M, 1000 * (1.7e9 + TIMES_S))
 

@@ -12,12 +12,13 @@ from kpopnet.dance.paper import PaperScorer
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import OURS, SCORERS, derived_torso, score_dance
-from kpopnet.dance.timing import measured_latency_s
+from kpopnet.dance.timing import beat_latency_s, measured_latency_s
 from kpopnet.dance.window import PARTS, timing_similarity
 from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 
 JOINTS_M = dance_joints_m(0)
+AT_S = np.arange(len(JOINTS_M)) / FPS
 PUBLISHED = "dance22", "paper", "raptis"
 EVERY = pytest.mark.parametrize("scorer", [SCORERS[name] for name in PUBLISHED], ids=PUBLISHED)
 
@@ -196,6 +197,11 @@ SCORE = score_dance(SHORT, SHORT)
             "got NoneType; before the first window there is no score so far",
         ),
         (lambda: measured_latency_s([0.1] * 7, [90.0]), r"delays of shape \(7,\), postures of \(1,\)"),
+        (lambda: beat_latency_s(JOINTS_M[:, :14], AT_S, 0.5), r"joints of shape \(360, 14, 3\): expected \(frames, 15, 3\)"),
+        (lambda: beat_latency_s(JOINTS_M, AT_S[:9], 0.5), r"360 frames with times of shape \(9,\)"),
+        (lambda: beat_latency_s(JOINTS_M, AT_S * math.nan, 0.5), "expected one time a frame, finite"),
+        (lambda: beat_latency_s(JOINTS_M, AT_S, 120), "seconds of a beat=120: expected a number in 0.05..10"),
+        (lambda: Performance(JOINTS_M, AT_S, None, None), "estimator=None: expected the name of one, or none"),
         (lambda: OnlineScorer(SHORT).preview(math.nan, 1.0), "end_s=nan: expected a number"),
         (lambda: OnlineScorer(SHORT).update(JOINTS_M[0], None), "a frame at None: expected its time in seconds"),
         (lambda: OnlineScorer(SHORT).update(JOINTS_M[0], "now"), "a frame at 'now': expected its time in seconds"),
