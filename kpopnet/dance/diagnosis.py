@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.dtw import banded_distances
-from kpopnet.dance.performance import MAX_DURATION_S, Performance
-from kpopnet.dance.scoring import Scorer, Stretches, TimeGrid, score_dance
+from kpopnet.dance.performance import MAX_DURATION_S, Performance, check_dance
+from kpopnet.dance.scoring import Scorer, Stretches, TimeGrid, check_free, check_scorer, score_dance
 from kpopnet.dance.window import WINDOW_S
 from kpopnet.dance.words.causes import mean_of_known
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_number, check_one_of, check_type
 from kpopnet.languages import Said
 from kpopnet.skeleton import MIRROR, Joint
 
@@ -109,7 +109,9 @@ class Diagnosis(NamedTuple):
 
 
 def corrected(performance: Performance, correction: str) -> Performance:
-    """A performance after one of CORRECTIONS."""
+    """A performance after one of CORRECTIONS; raises InputError for another correction."""
+    check_one_of("correction", correction, CORRECTIONS)
+    check_dance(performance, "the dance to correct")
     joints_m, confidence = performance.joints_m, performance.confidence
     if correction in ("mirrored", "swapped"):
         joints_m, confidence = joints_m[:, MIRROR], confidence[:, MIRROR]
@@ -128,6 +130,9 @@ def composed(first: str, second: str) -> str:
 
 def delayed(performance: Performance, late_s: float, rate: float = 1.0) -> Performance:
     """A performance whose times, from the first on, are multiplied by a rate and then lessened by a delay in seconds."""
+    check_dance(performance, "the dance to delay")
+    check_number("late_s", late_s)
+    check_number("rate", rate)
     start_s = performance.times_s[0]
     times_s = start_s + rate * (performance.times_s - start_s) - late_s
     return Performance(performance.joints_m, times_s, performance.confidence, performance.estimator)
@@ -144,8 +149,13 @@ def diagnose(
     """What is probably wrong with the recordings of two dances, and the dances without what is surely wrong, unless `as_is`.
 
     The stretches `free_s` are not compared, as in `score_dance`. Options have `given` the dances some corrections already; an
-    option that is named takes the place of theirs.
+    option that is named takes the place of theirs. Raises InputError for what is no dance, scorer, stretch or correction.
     """
+    check_dance(teacher, "the teacher's dance")
+    check_dance(learner, "the learner's dance")
+    check_scorer(scorer)
+    check_type("given", given, Correction)
+    free_s = check_free(free_s)
     wrong = {name: knees_bend_backwards(one) for name, one in (("teacher", teacher), ("learner", learner))}
     if all(wrong.values()):
         text = (
@@ -229,7 +239,7 @@ class _Pair(NamedTuple):
 
 def knees_bend_backwards(performance: Performance) -> bool:
     """Whether knees bend to the back: then the names of left and right are swapped, or the axes are left-handed."""
-    joints_m = performance.joints_m
+    joints_m = check_dance(performance, "the dance").joints_m
     hips_m = joints_m[:, [Joint.RIGHT_HIP, Joint.LEFT_HIP]]
     down = hips_m.mean(axis=1) - joints_m[:, [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER]].mean(axis=1)
     front = np.cross(down, hips_m[:, 1] - hips_m[:, 0])

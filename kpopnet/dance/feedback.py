@@ -31,7 +31,7 @@ from kpopnet.dance.words.moments import (
     span,
     timing_moments,
 )
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_number
 from kpopnet.languages import Said
 
 MOMENTS_PER_PHRASE = 3
@@ -96,12 +96,12 @@ def feedback(score: DanceScore, beat_s: float | None = None, recording: Sequence
 
     With `beat_s`, a beat of the music in seconds, phrases have eight beats from time 0 on, where `DanceScore.beats_s` has one,
     and delays are given in beats. Hints whose cause is among the faults that `kpopnet.dance.diagnosis.diagnose` found are left
-    out.
+    out. Raises InputError for what is no score, beat or list of faults.
     """
-    if not isinstance(score, DanceScore):
-        why = "; before the first window there is no score so far" if score is None else ""
-        raise InputError(f"score: expected a DanceScore, as score_dance makes, got {type(score).__name__}{why}")
+    _check_score(score)
     check_beat(beat_s)
+    if not isinstance(recording, Sequence) or not all(isinstance(one, RecordingFault) for one in recording):
+        raise InputError(f"recording: expected the faults of a diagnosis, as diagnose(...).faults, got {recording!r:.80}")
     unseen, danced_s, middle = list(_unseen(score)), span(score, slice(None)), score.windows.middle_s
     phrase_s = phrase_length_s(beat_s)
     phrases_s = _phrases_s(score, phrase_s, on_beat=bool(beat_s))
@@ -135,8 +135,16 @@ def moments_since(score: DanceScore, since_s: float) -> list[Moment]:
 
     Causes are looked for only in the phrases that end later: with all of them it would take the square of the dance's length.
     """
+    _check_score(score)
+    check_number("since_s", since_s)
     phrases_s = [one for one in _phrases_s(score, PHRASE_S) if one[1] > since_s]
     return [one for one in _moments(score, phrases_s, None) if one.end_s > since_s]
+
+
+def _check_score(score: object) -> None:
+    if not isinstance(score, DanceScore):
+        why = "; before the first window there is no score so far" if score is None else ""
+        raise InputError(f"score: expected a DanceScore, as score_dance makes, got {type(score).__name__}{why}")
 
 
 def _phrases_s(score: DanceScore, phrase_s: float, on_beat: bool = False) -> list[tuple[float, float]]:

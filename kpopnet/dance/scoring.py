@@ -203,6 +203,8 @@ class DanceScore(NamedTuple):
         at_s = numbers("beats", beats_s)
         if at_s.ndim != 1:
             raise InputError(f"beats of shape {at_s.shape}: expected the times of beats, as DanceScore.beats_s(0.5) gives them")
+        if not (np.isfinite(at_s).all() and (np.diff(at_s) > 0).all()):
+            raise InputError("beats: expected finite times that increase, as DanceScore.beats_s(0.5) gives them")
         return rhythm(*self._within(inside), at_s - self.windows.start_s[0]) if len(at_s) else None
 
     def _within(self, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -259,13 +261,18 @@ def score_dance(
     return preferred(*scores)
 
 
+def check_scorer(scorer: object) -> None:
+    """Raises InputError for anything but a scorer."""
+    if not isinstance(scorer, Scorer):
+        raise InputError(f"scorer: expected one such as kpopnet.dance.scoring.SCORERS['dance22'], got {scorer!r:.80}")
+
+
 def beside(scorer: Scorer, teacher: Performance) -> Scorer:
     """A scorer with the noise of its learners' estimator against this teacher's joints.
 
     Raises InputError as `noise_between`, and for anything but a scorer.
     """
-    if not isinstance(scorer, Scorer):
-        raise InputError(f"scorer: expected one such as kpopnet.dance.scoring.SCORERS['dance22'], got {scorer!r:.80}")
+    check_scorer(scorer)
     return replace(scorer, noise=noise_between(teacher.estimator, scorer.noise)) if isinstance(scorer, PartScorer) else scorer
 
 

@@ -40,8 +40,11 @@ def formation(teachers: Sequence[Performance], learners: Sequence[Performance], 
 
     Both in the frames of their cameras, on the clock of the dance, of which the stretches `free_s` are left out. None where all
     learners are not seen together for a window, or the size of no teacher is known. Raises InputError unless there are as many
-    learners as teachers.
+    learners as teachers, in lists.
     """
+    for name, dances in (("teachers", teachers), ("learners", learners)):
+        if not isinstance(dances, list | tuple):
+            raise InputError(f"{name}: expected a list of dances, got {dances!r:.80}")
     if not len(teachers) == len(learners) > 0:
         raise InputError(f"{len(teachers)} teachers and {len(learners)} learners: expected as many, one or more")
     both, free_s = [check_dance(one, "a dance of the group") for one in (*teachers, *learners)], check_free(free_s)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from dance_people import FPS, dance_joints_m, followed, mirrored, noisy, performed, turned
 
+from kpopnet.dance.diagnosis import corrected, delayed, diagnose, knees_bend_backwards
 from kpopnet.dance.dimensions.formation import formation
 from kpopnet.dance.features import FEATURES, Angles, Feature
-from kpopnet.dance.feedback import feedback
+from kpopnet.dance.feedback import feedback, moments_since
 from kpopnet.dance.online import MOST_BEHIND, OnlineScorer
 from kpopnet.dance.paper import PaperScorer
 from kpopnet.dance.parts import PartScorer
@@ -202,6 +203,23 @@ SCORE = score_dance(SHORT, SHORT)
         (lambda: beat_latency_s(JOINTS_M, AT_S * math.nan, 0.5), "expected one time a frame, finite"),
         (lambda: beat_latency_s(JOINTS_M, AT_S, 120), "seconds of a beat=120: expected a number in 0.05..10"),
         (lambda: Performance(JOINTS_M, AT_S, None, None), "estimator=None: expected the name of one, or none"),
+        (lambda: formation(SHORT, SHORT), "teachers: expected a list of dances, got"),
+        (lambda: formation([SHORT], None), "learners: expected a list of dances, got None"),
+        (lambda: SCORE.rhythm([2.0, 1.0]), "beats: expected finite times that increase"),
+        (lambda: SCORE.free([0.0, math.inf]), "beats: expected finite times that increase"),
+        (lambda: feedback(SCORE, recording=diagnose(SHORT, SHORT, OURS)), "recording: expected the faults of a diagnosis"),
+        (lambda: moments_since(None, 1.0), "score: expected a DanceScore, .* got NoneType"),
+        (lambda: moments_since(SCORE, "1"), "since_s='1': expected a number"),
+        (lambda: diagnose(JOINTS_M, SHORT, OURS), "the teacher's dance: expected a Performance, .* got ndarray"),
+        (lambda: diagnose(SHORT, None, OURS), "the learner's dance: expected a Performance, .* got NoneType"),
+        (lambda: diagnose(SHORT, SHORT, "dance22"), "scorer: expected one such as"),
+        (lambda: diagnose(SHORT, SHORT, OURS, given="mirrored"), "given: expected a kpopnet.dance.diagnosis.Correction"),
+        (lambda: corrected(SHORT, "mirror"), "correction=mirror: expected one of as_recorded, mirrored, swapped, reflected"),
+        (lambda: corrected(JOINTS_M, "mirrored"), "the dance to correct: expected a Performance"),
+        (lambda: delayed(SHORT, "0.2"), "late_s='0.2': expected a number"),
+        (lambda: delayed(SHORT, 0.2, None), "rate=None: expected a number"),
+        (lambda: delayed(JOINTS_M, 0.2), "the dance to delay: expected a Performance"),
+        (lambda: knees_bend_backwards(JOINTS_M), "the dance: expected a Performance"),
         (lambda: OnlineScorer(SHORT).preview(math.nan, 1.0), "end_s=nan: expected a number"),
         (lambda: OnlineScorer(SHORT).update(JOINTS_M[0], None), "a frame at None: expected its time in seconds"),
         (lambda: OnlineScorer(SHORT).update(JOINTS_M[0], "now"), "a frame at 'now': expected its time in seconds"),
@@ -220,6 +238,10 @@ def test_free_parts_may_come_from_anywhere():
     whole = score_dance(SHORT, SHORT, free_s=[(1, 2)])
     for free_s in (np.array([[1, 2]]), ((1.0, 2.0) for _ in "1"), [[1, 2]]):
         np.testing.assert_equal(score_dance(SHORT, SHORT, free_s=free_s), whole)
+    other_m = np.concatenate([dance_joints_m(1)[: round(4 * FPS)], JOINTS_M[round(4 * FPS) :]])
+    swapped = corrected(performed(other_m), "swapped")
+    listed, drawn = (diagnose(performed(JOINTS_M), swapped, OURS, free_s=one) for one in ([(0, 4)], (one for one in [(0, 4)])))
+    assert listed.corrected > 99 and drawn.corrected == listed.corrected
 
 
 def test_a_score_so_far_may_be_changed_while_the_dance_goes_on():
