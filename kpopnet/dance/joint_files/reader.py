@@ -69,7 +69,7 @@ def read_performances(
 
     All stand before one camera, which the first faces at first, in the places that they had.
     """
-    paths = [as_path(path) for path in paths]
+    paths = _all_paths(paths)
     if fps is not None:
         check_number("fps", fps)
     of_bvh = [path for path in paths if path.suffix.lower() == ".bvh"]
@@ -79,6 +79,12 @@ def read_performances(
     named = [(one, where) for one, where in group if not isinstance(one, Performance)]
     expect(not own or not named, str(paths[-1]), "a file of the same kind as the others'")
     return own or named_performances(named, fps)
+
+
+def _all_paths(given: Sequence[Path | str]) -> list[Path]:
+    if isinstance(given, Path | str) or not isinstance(given, Sequence) or not given:
+        raise InputError(f"expected a list of one file or more, got {given!r:.80}")
+    return [as_path(path) for path in given]
 
 
 def _recorded(
@@ -121,14 +127,15 @@ def _recorded(
 
 def read_strangers_performance(path: Path | str, fps: float | None = None, joint_map: Path | str | None = None) -> Performance:
     """`read_performance` in a process with limits of time and memory, which a hostile file may harm."""
-    return read_strangers_group([as_path(path)], fps, joint_map)[0]
+    return read_strangers_group([path], fps, joint_map)[0]
 
 
 def read_strangers_group(
-    paths: Sequence[Path], fps: float | None = None, joint_map: Path | str | None = None
+    paths: Sequence[Path | str], fps: float | None = None, joint_map: Path | str | None = None
 ) -> list[Performance]:
     """`read_performances` in such a process."""
-    return [Performance(**one) for one in read_in_child(_arrays, paths[0], [*paths[1:]], fps, joint_map)]
+    first, *others = _all_paths(paths)
+    return [Performance(**one) for one in read_in_child(_arrays, first, others, fps, joint_map)]
 
 
 def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path | str | None) -> list[dict[str, Any]]:

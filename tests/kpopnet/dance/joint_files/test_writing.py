@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from dance_people import dance_joints_m, performed, turned
 
-from kpopnet.dance.joint_files.reader import read_performance, read_strangers_performance
+from kpopnet.dance.joint_files.reader import (
+    read_performance,
+    read_performances,
+    read_strangers_group,
+    read_strangers_performance,
+)
 from kpopnet.dance.joint_files.writing import write_performance
 from kpopnet.dance.performance import Performance, from_absolute_clocks
 from kpopnet.errors import InputError
@@ -92,6 +97,10 @@ def test_mistaken_arguments_of_reading_and_writing_are_one_line(tmp_path):
         (lambda: write_performance(None, read_performance(path)), "expected the path of a file or folder, got None"),
         (lambda: read_performance(None), "expected the path of a file or folder, got None"),
         (lambda: read_strangers_performance(3), "expected the path of a file or folder, got 3"),
+        (lambda: read_performances(path), r"expected a list of one file or more, got PosixPath"),
+        (lambda: read_performances([]), r"expected a list of one file or more, got \[\]"),
+        (lambda: read_strangers_group(str(path)), "expected a list of one file or more, got '"),
+        (lambda: read_strangers_group([None]), "expected the path of a file or folder, got None"),
         (lambda: read_performance(path, "30"), "fps='30': expected a number"),
         (lambda: read_performance(path, joint_map={"head": "nose"}), "expected the path of a file or folder"),
         (lambda: from_absolute_clocks([dance_joints_m(0)]), "a dance: expected a Performance"),
