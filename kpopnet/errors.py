@@ -27,8 +27,8 @@ class InputError(ValueError):
 
 def check_seed(name: str, seed: int) -> None:
     """Raises InputError unless a seed fits into 64 bits without a sign, as torch and HDF5 need it."""
-    if not 0 <= seed <= MAX_SEED:
-        raise InputError(f"{name}={seed} must be 0 or more, at most {MAX_SEED}")
+    if not isinstance(seed, numbers.Integral) or not 0 <= seed <= MAX_SEED:
+        raise InputError(f"{name}={seed!r:.80} must be a whole number, 0 or more, at most {MAX_SEED}")
 
 
 def check_number(name: str, value: float) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.datasets.dances.dance_set import is_learner_name
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_seed
 from kpopnet.runtime.atomic_write import write_json
-from kpopnet.runtime.input_files import check_fields, check_names, expect, read_json, settings_from
+from kpopnet.runtime.input_files import as_path, check_fields, check_names, expect, read_json, settings_from
 
 RATINGS = "ratings"
 FORMAT, VERSION = "kpopnet ratings", 1
@@ -39,8 +39,11 @@ def all_pairs(dances: dict[str, list[str]], rater: str, seed: int) -> list[Answe
 
     Dances come one after the other, so that whoever stops early has completed some. One pair of each dance is shown again, with
     sides swapped, after the next dance, when the rater does not remember the first answer: one of the first third, since the
-    last dance's comes right after it. `dances` has the names of the learners by dance.
+    last dance's comes right after it. `dances` has the names of the learners by dance, two or more of each.
     """
+    check_seed("seed", seed)
+    for name, learners in dances.items():
+        expect(len(learners) > 1, f"dance {name}", f"two learners or more, found {len(learners)}")
     rng = np.random.default_rng([seed, *rater.encode()])
     shown, again = [], []
     for name in rng.permutation(sorted(dances)).tolist():
@@ -52,19 +55,19 @@ def all_pairs(dances: dict[str, list[str]], rater: str, seed: int) -> list[Answe
     return shown + again
 
 
-def ratings_path(folder: Path, rater: str) -> Path:
+def ratings_path(folder: Path | str, rater: str) -> Path:
     """The file of a rater in the folder of a set; raises InputError for what is no name."""
-    if not is_learner_name(rater):
-        raise InputError(f"{rater[:40]!r}: a rater's name or code is of letters, digits, spaces, - and _")
-    return folder / RATINGS / f"{rater}.json"
+    if not (isinstance(rater, str) and is_learner_name(rater)):
+        raise InputError(f"{rater!r:.42}: a rater's name or code is of letters, digits, spaces, - and _")
+    return as_path(folder) / RATINGS / f"{rater}.json"
 
 
-def read_ratings(path: Path, dances: dict[str, list[str]]) -> list[Answer]:
+def read_ratings(path: Path | str, dances: dict[str, list[str]]) -> list[Answer]:
     """The answers of a rater in the order given; none where the file does not exist yet.
 
     Raises InputError if the file is damaged, or rates what is not in the set.
     """
-    if not path.exists():
+    if not (path := as_path(path)).exists():
         return []
     fields = check_fields(str(path), read_json(path, MAX_BYTES), {"format": str, "version": int, "rater": str, "answers": list})
     expect((fields["format"], fields["version"]) == (FORMAT, VERSION), str(path), f"format {FORMAT}, version {VERSION}")
@@ -88,8 +91,9 @@ def write_ratings(path: Path, answers: list[Answer]) -> None:
     write_json(path, content)
 
 
-def read_all_ratings(folder: Path, dances: dict[str, list[str]]) -> dict[str, list[Answer]]:
+def read_all_ratings(folder: Path | str, dances: dict[str, list[str]]) -> dict[str, list[Answer]]:
     """The answers of every rater of a set, by name; raises as `read_ratings`, or if no person has rated anything."""
+    folder = as_path(folder)
     paths = sorted((folder / RATINGS).glob("[!.]*.json"))
     check_names(str(folder / RATINGS), [path.name for path in paths])
     found = {path.stem: read_ratings(path, dances) for path in paths}

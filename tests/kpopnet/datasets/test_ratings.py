@@ -32,6 +32,22 @@ def test_orders_differ_between_raters_and_seeds_and_not_between_runs():
     assert 5 <= lefts["ann"] <= 16  # of 20 or 21
 
 
+def test_a_dance_of_one_learner_has_no_pairs_and_a_seed_is_a_whole_number():
+    with pytest.raises(InputError, match="dance solo: expected two learners or more, found 1"):
+        all_pairs({"solo": ["ann"]}, "eve", 0)
+    for seed in (-1, "0", 1.5):
+        with pytest.raises(InputError, match=f"seed={seed!r} must be a whole number"):
+            all_pairs(DANCES, "eve", seed)
+
+
+def test_a_folder_may_be_text(tmp_path):
+    write_ratings(ratings_path(str(tmp_path), "eve"), [])
+    assert read_ratings(str(tmp_path / "ratings" / "eve.json"), DANCES) == []
+    assert read_all_ratings(str(tmp_path), DANCES) == {"eve": []}
+    with pytest.raises(InputError, match="expected the path of a file or folder, got None"):
+        read_all_ratings(None, DANCES)
+
+
 def test_what_is_written_is_read_again(tmp_path):
     (tmp_path / "set").mkdir()
     answers = [replace(one, choice="equal") for one in all_pairs(DANCES, "Ève 2", 0)[:30]]
@@ -72,7 +88,7 @@ def test_names_of_any_script_are_names(tmp_path, name):
     assert path.stem == name and read_ratings(path, DANCES) == []
 
 
-@pytest.mark.parametrize("name", ["", "../eve", ".eve", "eve\n", "a\\b", "x" * 300])
+@pytest.mark.parametrize("name", ["", "../eve", ".eve", "eve\n", "a\\b", "x" * 300, None, 3])
 def test_what_is_no_name_never_becomes_a_path(tmp_path, name):
     with pytest.raises(InputError, match="a rater's name"):
         ratings_path(tmp_path, name)
