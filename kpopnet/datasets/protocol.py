@@ -9,7 +9,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import expect
+from kpopnet.runtime.input_files import as_path, expect
 from kpopnet.skeleton import NUM_JOINTS, Joint
 
 
@@ -36,7 +36,7 @@ class BenchmarkConfig:
         """The folder of the set; raises InputError, which says what it is, if none is given."""
         if self.path is None:
             raise InputError(f"benchmark={self.name} needs benchmark.path=PATH, {what}")
-        return Path(self.path)
+        return as_path(self.path)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
 from kpopnet.runtime.input_files import (
     ArraySchema,
+    as_path,
     check_budget,
     check_fields,
     check_names,
@@ -175,7 +176,7 @@ class KpopSet:
 
         Raises InputError if the folder does not exist or holds no dances, or its manifest is invalid.
         """
-        self.folder = Path(folder)
+        self.folder = as_path(folder)
         if not self.folder.is_dir():
             raise InputError(f"{self.folder}: no such folder; `python -m synth benchmark=kpop_sim` makes a set of dances")
         self._ranked, files = ranked, (TEACHER, LABELS)[: 1 + ranked]
@@ -194,10 +195,10 @@ class KpopSet:
 
     def dance(self, name: str) -> Dance:
         """Reads the labels of one dance, if ranked; raises InputError if they are invalid, or a learner's file is missing."""
-        folder = self.folder / name
         if name not in self.names:
             first = ", ".join(self.names[:5])
             raise InputError(f"dance={name}: not among the {len(self.names)} of {self.folder}: {first}, ...")
+        folder = self.folder / name
         learners = []
         for learner in read_labels(folder / LABELS) if self._ranked else learners_in(folder):
             path = folder / f"{learner}.h5"

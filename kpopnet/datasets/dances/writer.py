@@ -3,12 +3,13 @@
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import astuple
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres
+from kpopnet.camera import MM_PER_METRE, Camera, check_camera, depth_in_metres
 from kpopnet.dance.performance import Performance, check_dance, numbers
 from kpopnet.datasets.dances.dance_set import (
     FORMAT,
@@ -24,7 +25,7 @@ from kpopnet.datasets.dances.dance_set import (
 from kpopnet.datasets.protocol import check_joints
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_hdf5, write_whole
-from kpopnet.runtime.input_files import as_path, check_array, expect
+from kpopnet.runtime.input_files import as_path, check_array, expect, parsing
 from kpopnet.skeleton import JOINT_NAMES
 
 _CHUNK = 1 << 16
@@ -35,6 +36,7 @@ class PackedDepth:
     """A depth recording in memory that stores only the bounding box of the person in every frame."""
 
     def __init__(self, camera: Camera) -> None:
+        check_camera(camera)
         self.camera = camera
         self._parts: list[np.ndarray] = []
         self._boxes: list[tuple[int, int, int, int]] = []
@@ -47,6 +49,8 @@ class PackedDepth:
         depth_m = depth_in_metres(depth_m, where=where)
         expect(depth_m.ndim == 2, where, f"shape (h, w), got {depth_m.shape}; add one frame at a time")
         height, width = depth_m.shape
+        if not (isinstance(x0, Integral) and isinstance(y0, Integral)):
+            raise InputError(f"{where}: at ({x0!r}, {y0!r}); expected the column and the row of its first pixel")
         if not (0 <= x0 <= self.camera.width - width and 0 <= y0 <= self.camera.height - height):
             raise InputError(
                 f"{where}: {width}x{height} pixels at ({x0}, {y0}) are not within the image of the camera, "
@@ -95,14 +99,20 @@ def write_learner(
     Times of the frames (T,) are in seconds, (T, 15, 3) true joints in metres in the camera frame. Raises InputError if neither
     joints nor depth are given, or the name, joints or times are invalid.
     """
-    expect(joints_m is not None or depth is not None, f"learner {name}", "joints or depth to write")
     _check_name(name)
+    expect(joints_m is not None or depth is not None, f"learner {name}", "joints or depth to write")
+    expect(
+        depth is None or isinstance(depth, PackedDepth), f"learner {name}: depth", "a PackedDepth, to which images were added"
+    )
     _write(as_path(folder) / f"{name}.h5", times_s, joints_m, depth, about)
 
 
 def write_labels(folder: Path | str, best_first: Iterable[str]) -> None:
     """Writes DANCE/labels.csv, the names of at least two learners in the experts' order. A dance without it is incomplete."""
-    names, folder = list(best_first), as_path(folder)
+    folder = as_path(folder)
+    if isinstance(best_first, str) or not isinstance(best_first, Iterable):
+        raise InputError(f"{folder / LABELS}: expected a list of names, the best first, got {best_first!r:.80}")
+    names = list(best_first)
     for name in names:
         _check_name(name)
     if len(set(names)) != len(names) or len(names) < 2:
@@ -112,7 +122,11 @@ def write_labels(folder: Path | str, best_first: Iterable[str]) -> None:
 
 
 def _check_name(name: str) -> None:
-    expect(is_learner_name(name), f"learner {name!r}", "a valid file name of letters, digits, - and _")
+    expect(
+        isinstance(name, str) and is_learner_name(name),
+        f"learner {name!r:.80}",
+        "a valid file name of letters, digits, - and _",
+    )
 
 
 def _write(
@@ -127,6 +141,9 @@ def _write(
         arrays["joints_m"] = numbers(f"{path}: joints", joints_m).astype(np.float32)
     if depth is not None:
         arrays |= {"boxes": depth.boxes, "depth_mm": depth.depth_mm}
+    expect(isinstance(about, Mapping | None), f"{path}: about", "notes by name, as a dict")
+    with parsing(f"{path}: about", "cannot be stored as JSON"):
+        notes = json.dumps(dict(about or {}), allow_nan=False)
     lengths: dict[str, int] = {}
     for name, array in arrays.items():
         check_array(f"{path}: {name}", array.shape, array.dtype, SCHEMA.arrays[name], lengths)
@@ -137,7 +154,7 @@ def _write(
     with atomic_hdf5(path) as file:
         file.attrs["format"], file.attrs["version"] = FORMAT, VERSION
         file.attrs["joint_names"] = JOINT_NAMES
-        file.attrs["about"] = json.dumps(about or {})
+        file.attrs["about"] = notes
         if depth is not None:
             file.attrs["camera"] = astuple(depth.camera)
             file.attrs["depth_key"] = depth_key(arrays["depth_mm"], arrays["boxes"], depth.camera)

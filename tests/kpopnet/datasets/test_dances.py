@@ -56,6 +56,26 @@ def test_mistaken_arguments_of_the_writer_are_one_line(tmp_path):
         (lambda: write_teacher(None, Performance(RNG_JOINTS, TIMES_S)), "expected the path of a file or folder, got None"),
         (lambda: write_learner(tmp_path, "jin", ["now"] * FRAMES, RNG_JOINTS), r"jin\.h5: times: expected an array of numbers"),
         (lambda: write_learner(tmp_path, "jin", TIMES_S, masked), r"jin\.h5: joints: a masked array"),
+        (lambda: write_learner(tmp_path, None, TIMES_S, RNG_JOINTS), "learner None: expected a valid file name"),
+        (lambda: write_learner(tmp_path, "jin", TIMES_S, depth=whole_frames()), "learner jin: depth: expected a PackedDepth"),
+        (
+            lambda: write_learner(tmp_path, "jin", TIMES_S, RNG_JOINTS, about={"level": np.nan}),
+            r"jin\.h5: about: cannot be sto",
+        ),
+        (
+            lambda: write_learner(tmp_path, "jin", TIMES_S, RNG_JOINTS, about={"file": tmp_path}),
+            "about: cannot be stored as JSON",
+        ),
+        (lambda: write_teacher(tmp_path, Performance(RNG_JOINTS, TIMES_S), ["mine"]), "about: expected notes by name"),
+        (lambda: write_labels(tmp_path, "jin"), r"labels\.csv: expected a list of names, the best first, got 'jin'"),
+        (lambda: write_labels(tmp_path, None), r"labels\.csv: expected a list of names"),
+        (lambda: write_labels(tmp_path, ["jin", 2]), "learner 2: expected a valid file name"),
+        (lambda: PackedDepth("kinect_2"), r"camera: expected a kpopnet\.camera\.Camera"),
+        (
+            lambda: PackedDepth(CAMERA).add(whole_frames()[0][:9, :9], 1.5),
+            r"depth of frame 0: at \(1\.5, 0\); expected the column",
+        ),
+        (lambda: KpopSet(None), "expected the path of a file or folder, got None"),
     ):
         with pytest.raises(InputError, match=message):
             mistaken()
@@ -140,5 +160,9 @@ def test_what_is_invalid_is_named(folder, file, content, message):
 def test_what_is_not_there_is_named(folder):
     with pytest.raises(InputError, match="dance=papa: not among the 1"):
         KpopSet(folder).dance("papa")
+    with pytest.raises(InputError, match="dance=None: not among the 1"):
+        KpopSet(folder).dance(None)
     with pytest.raises(InputError, match=r"benchmark=kpop needs benchmark\.path"):
         open_set(KpopConfig())
+    with pytest.raises(InputError, match="expected the path of a file or folder, got 3"):
+        open_set(KpopConfig(path=3))
