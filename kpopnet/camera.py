@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kpopnet.errors import InputError, check_between
 
@@ -95,20 +96,27 @@ class Camera:
         return cls(fx, fy, cx, cy, width, height)
 
     def project(self, points_camera_m: np.ndarray) -> np.ndarray:
-        """Projects (..., 3) points in metres to (..., 3) u, v in pixels and z in metres. Points with z = 0 give inf or NaN."""
-        points = np.asarray(points_camera_m)
+        """Projects (..., 3) points in metres to (..., 3) u, v in pixels and z in metres. Points with z = 0 give inf or NaN.
+
+        Raises InputError for another shape or type.
+        """
+        points = _triples("points", points_camera_m)
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.stack([self.fx * x / z + self.cx, self.fy * y / z + self.cy, z], axis=-1)
 
     def back_project(self, uvz: np.ndarray) -> np.ndarray:
         """Converts (..., 3) u, v in pixels and z in metres to (..., 3) points in metres: the inverse of `project`."""
-        uvz = np.asarray(uvz)
+        uvz = _triples("u, v, z", uvz)
         u, v, z = uvz[..., 0], uvz[..., 1], uvz[..., 2]
         return np.stack([(u - self.cx) * z / self.fx, (v - self.cy) * z / self.fy, z], axis=-1)
 
     def points(self, depth_m: np.ndarray) -> np.ndarray:
-        """Converts (H, W) depth in metres to (H, W, 3) points in metres; pixels without a measurement give (0, 0, 0)."""
+        """Converts (H, W) depth in metres to (H, W, 3) points in metres; pixels without a measurement give (0, 0, 0).
+
+        Raises InputError as `check_metres`.
+        """
+        check_metres("depth image", self, depth_m)
         v, u = np.mgrid[: depth_m.shape[0], : depth_m.shape[1]].astype(np.float32)
         return self.back_project(np.stack([u, v, depth_m], axis=-1))
 
@@ -217,6 +225,22 @@ def check_camera(camera: object) -> None:
     if not isinstance(camera, Camera):
         made = "CAMERAS['kinect_2'] or Camera.from_fov(70.6, 512, 424)"
         raise InputError(f"camera: expected a kpopnet.camera.Camera, such as {made}, got {type(camera).__name__}")
+
+
+def _triples(what: str, given: ArrayLike) -> np.ndarray:
+    triples = np.asarray(given)
+    if triples.shape[-1:] != (3,) or triples.dtype.kind not in "fiu":
+        raise InputError(f"{what} of shape {triples.shape}, {triples.dtype}: expected (..., 3) numbers")
+    return triples
+
+
+def check_metres(where: str, camera: Camera, depth_m: object) -> None:
+    """Raises InputError, for `where`, for anything but one (H, W) image of the camera in floating-point metres."""
+    check_camera(camera)
+    if not isinstance(depth_m, np.ndarray) or depth_m.dtype.kind != "f":
+        found = depth_m.dtype if isinstance(depth_m, np.ndarray) else type(depth_m).__name__
+        raise InputError(f"{where}: expected floating-point metres, got {found}; kpopnet.camera.depth_in_metres converts")
+    check_images(where, camera, depth_m)
 
 
 def check_images(where: str, camera: Camera, *images: np.ndarray) -> None:

@@ -114,6 +114,27 @@ def test_a_changed_images_camera_projects_to_where_the_pixels_went():
     np.testing.assert_allclose(smaller.project(point_m), [(u + 0.5) / 4 - 0.5, (v + 0.5) / 2 - 0.5, z])
 
 
+@pytest.mark.parametrize(
+    "wrong", [3.0, None, "1, 2, 3", [0.1, 0.2], np.ones((3, 4)), np.array([["a", "b", "c"]]), np.array([1, 2, None])]
+)
+def test_what_are_no_points_is_refused(wrong):
+    for convert in (CAMERAS["kinect_2"].project, CAMERAS["kinect_2"].back_project):
+        with pytest.raises(InputError, match=r"expected \(\.\.\., 3\) numbers"):
+            convert(wrong)
+
+
+def test_points_are_of_one_image_in_metres():
+    camera = Camera.centred(50.0, 16, 12)
+    for wrong, message in (
+        (np.full((12, 16), 2000, np.uint16), "depth image: expected floating-point metres, got uint16"),
+        ([[2.0]], "depth image: expected floating-point metres, got list"),
+        (np.ones((12, 12)), r"an image of shape \(12, 12\), expected the camera's"),
+        (np.ones((1, 12, 16)), r"an image of shape \(1, 12, 16\), expected the camera's"),
+    ):
+        with pytest.raises(InputError, match=message):
+            camera.points(wrong)
+
+
 @pytest.mark.parametrize("kind", ["<u2", ">u2"])
 def test_the_largest_of_sixteen_bits_is_not_measured(kind):
     depth = person(2500, np.uint16)
