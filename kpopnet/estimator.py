@@ -16,6 +16,9 @@ log = logging.getLogger(__name__)
 FRAME_S = 1 / 30
 """From one image to the next, seconds, where their times are unknown."""
 
+LATEST_S = 1e12
+"""Times beyond this, 30,000 years, are those of no clock in seconds."""
+
 REPORTED_FRAMES = 40
 """From this number of frames without joints on, a warning says so: evaluations warm up with 30."""
 
@@ -88,7 +91,10 @@ def base_estimator(estimator: Estimator) -> Estimator:
 
 def complete_joints(joints_m: np.ndarray, where: str, needed: Iterable[Joint] = Joint) -> np.ndarray:
     """A (15, 3) float64 copy of a pose in metres. Raises InputError, at `where`: another shape, or a missing joint."""
-    joints_m = np.array(joints_m, np.float64)
+    try:
+        joints_m = np.array(joints_m, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: expected ({NUM_JOINTS}, 3) joints, found {joints_m!r:.80}") from None
     if joints_m.shape != (NUM_JOINTS, 3):
         raise InputError(f"{where}: expected ({NUM_JOINTS}, 3) joints, found {joints_m.shape}")
     if missing := [JOINT_NAMES[joint] for joint in needed if not np.isfinite(joints_m[joint]).all()]:

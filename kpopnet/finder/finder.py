@@ -8,8 +8,8 @@ import numpy as np
 
 from kpopnet.camera import Camera, check_camera, image_in_metres
 from kpopnet.data.canvas import STRIDE, Reduced, reduced
-from kpopnet.errors import check_between
-from kpopnet.estimator import FRAME_S
+from kpopnet.errors import check_between, check_type
+from kpopnet.estimator import FRAME_S, LATEST_S
 from kpopnet.finder.following import UNKNOWN, Followed
 from kpopnet.finder.masks import open_masks, refine_masks
 from kpopnet.finder.people import (
@@ -65,11 +65,14 @@ class PersonFinder:
         Raises InputError if the weights are missing, damaged or of another version.
         """
         check_camera(camera)
+        check_type("extraction", config, FinderConfig)
         self.camera, self.config, self.looker, self._followed, self._time_s = camera, config, looker, Followed(), 0.0
         self._network, self._masks = open_finder(config.weights), open_masks()
 
     def extract(self, depth_m: np.ndarray, time_s: float | None = None) -> list[Human]:
         """The people in the next image, as `kpopnet.pose.extraction.Extractor`: (H, W) metres, 0 where nothing was measured."""
+        if time_s is not None:
+            check_between("time_s", time_s, -LATEST_S, LATEST_S)
         depth_m = image_in_metres(depth_m, self.camera)
         given = self.config.least_certainty
         least = FOLLOWED_CERTAINTY if given is None else min(FOLLOWED_CERTAINTY, given)

@@ -12,7 +12,7 @@ import numpy as np
 
 from kpopnet.camera import Camera, check_camera, image_in_metres, subsampled, tells_unit
 from kpopnet.errors import InputError, check_between, check_one_of
-from kpopnet.estimator import FRAME_S, Estimate, Estimator, check_estimator
+from kpopnet.estimator import FRAME_S, LATEST_S, Estimate, Estimator, check_estimator
 from kpopnet.human import Looker
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import DEFAULT_EXTRACTION, Extractor, build_extractor, extraction_name
@@ -24,9 +24,6 @@ log = logging.getLogger(__name__)
 MAX_PEOPLE = 16
 MAX_REMEMBERED = 64
 """People whose lengths are remembered; beyond it, people out of view are forgotten and measured again when they return."""
-
-LATEST_S = 1e12
-"""Times beyond this, 30,000 years, are those of no clock in seconds."""
 
 
 class PersonPose(NamedTuple):

@@ -88,6 +88,14 @@ def test_other_images_are_refused(knowing, shape, dtype):
         knowing.extract(np.zeros(shape, dtype))
 
 
+def test_settings_and_times_of_another_type_are_refused(knowing):
+    with pytest.raises(InputError, match=r"extraction: expected a kpopnet\.finder\.finder\.FinderConfig, got 'finder'"):
+        PersonFinder(CAMERA, "finder")
+    for wrong in (float("nan"), float("inf"), "0.1"):
+        with pytest.raises(InputError, match="time_s="):
+            knowing.extract(scene(), wrong)
+
+
 def test_weights_of_something_else_are_refused(tmp_path):
     (tmp_path / "mine.safetensors").write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"mine\.safetensors: missing, damaged"):
