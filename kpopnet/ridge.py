@@ -31,7 +31,7 @@ import cv2
 import numpy as np
 from numba import njit
 
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_number, check_type
 
 CIRCLE_POINTS = 32
 RADII_PER_PIXEL = 4
@@ -61,6 +61,7 @@ class RidgeConfig:
     def __post_init__(self) -> None:
         # The ratio on a plane slope of D_T is 1.
         for name, below in (("epsilon_r", 1), ("edge_threshold_m", math.inf), ("sharpness", math.inf)):
+            check_number(f"ridge.{name}", getattr(self, name))
             if not 0 < getattr(self, name) < below:
                 raise InputError(f"ridge.{name}={getattr(self, name)}: expected a number above 0 and below {below}")
 
@@ -80,7 +81,7 @@ class RidgeStages(NamedTuple):
 def ridge_stages(depth_m: np.ndarray, config: RidgeConfig) -> RidgeStages:
     """All steps of section 2.2, for drawing and debugging, of (H, W) floating-point metres, 0 where nothing was measured.
 
-    Usually it shows one segmented person. Raises InputError for anything but one image of floating-point numbers.
+    Usually it shows one segmented person. Raises InputError for anything but one image of floats, and other settings.
     """
     box, squared, ratio = _ratio_in_box(depth_m, config)
     edges, distance_px = np.ones(depth_m.shape, bool), np.zeros(depth_m.shape, np.float32)
@@ -120,6 +121,7 @@ def _ratio_in_box(depth_m: np.ndarray, config: RidgeConfig) -> tuple[tuple[slice
     """The bounding box of the person with a margin of two pixels, and the squared distances and circle ratios in it."""
     if not isinstance(depth_m, np.ndarray) or depth_m.ndim != 2 or depth_m.dtype.kind != "f":
         raise InputError("ridge: expected one (H, W) image of floating-point metres; kpopnet.camera.depth_in_metres converts")
+    check_type("ridge settings", config, RidgeConfig)
     x0, y0, width, height = cv2.boundingRect((depth_m > 0).view(np.uint8))
     box = slice(max(y0 - 2, 0), y0 + height + 2), slice(max(x0 - 2, 0), x0 + width + 2)
     depth = np.ascontiguousarray(depth_m[box], dtype=np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 
 from kpopnet.errors import check_between
 from kpopnet.estimator import complete_joints
-from kpopnet.runtime.input_files import read_json, settings_from
+from kpopnet.runtime.input_files import as_path, read_json, settings_from
 from kpopnet.skeleton import PAPER_JOINTS, Joint
 
 DISTANCES = {
@@ -127,12 +127,12 @@ class HumanModel:
 
     def save(self, path: Path | str) -> None:
         """Writes the model as JSON, to be loaded for the same person later."""
-        Path(path).write_text(json.dumps(asdict(self), indent=2) + "\n")
+        as_path(path).write_text(json.dumps(asdict(self), indent=2) + "\n")
 
     @classmethod
     def load(cls, path: Path | str) -> "HumanModel":
         """Reads a file that `save` wrote. Raises InputError where it is missing or damaged."""
-        return settings_from(cls, read_json(Path(path)), str(path))
+        return settings_from(cls, read_json(as_path(path)), str(path))
 
 
 _REGULARISATION = {

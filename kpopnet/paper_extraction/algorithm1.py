@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kpopnet.camera import Camera, check_camera, image_in_metres
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_number
 from kpopnet.human import Human
 from kpopnet.paper_extraction.floor import find_floor, remove_floor
 from kpopnet.paper_extraction.objects import label_components, measure_objects
@@ -50,7 +50,8 @@ class PaperExtractionConfig:
 
     def __post_init__(self) -> None:
         for name in ("delta_f_m", "epsilon_z_m", "epsilon_m_m2"):
-            if not 0 <= (value := getattr(self, name)) < math.inf:
+            check_number(f"extraction.{name}", value := getattr(self, name))
+            if not 0 <= value < math.inf:
                 raise InputError(f"extraction.{name} must be a finite number of at least 0, not {value}")
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit
 
-from kpopnet.camera import Camera, sequence_in_metres, subsampled
-from kpopnet.errors import InputError, check_one_of, check_type
+from kpopnet.camera import Camera, check_camera, check_metres, sequence_in_metres, subsampled
+from kpopnet.errors import InputError, check_number, check_one_of, check_type
 from kpopnet.estimator import Estimate, Start, complete_joints, track_sequence
 from kpopnet.geometry.human_model import DISTANCES, HumanModel
 from kpopnet.paper_tracker.algorithm2 import Frame, Plan, State, frame_of, track_frame
@@ -77,6 +77,8 @@ class PaperTrackerConfig:
     def __post_init__(self) -> None:
         for name, known in (("candidates", ("ridge", "depth")), ("lost", LOST), ("start", ("y_pose", "label"))):
             check_one_of(f"estimator.paper_tracker.{name}", getattr(self, name), known)
+        for name in ("r_m", "epsilon_m", "straightness", "epsilon_r", "sufficient"):
+            check_number(f"estimator.paper_tracker.{name}", getattr(self, name))
         lengths = 0 < self.r_m <= 2 and 0 < self.epsilon_m <= 1
         if not (lengths and 0 <= self.straightness < 1 and 0 < self.epsilon_r < 1 and self.sufficient > 0):
             raise InputError(
@@ -106,7 +108,12 @@ class PaperTracker:
     def __init__(
         self, camera: Camera, config: PaperTrackerConfig = PaperTrackerConfig(), model: HumanModel | None = None
     ) -> None:
-        """Prepares a tracker; the model of a known person is used instead of the one measured at the start."""
+        """Prepares a tracker; the model of a known person is used instead of the one measured at the start.
+
+        Raises InputError for no camera, or other settings.
+        """
+        check_camera(camera)
+        check_type("config", config, PaperTrackerConfig)
         self.camera, self.config, self.model, self._known, self._inside = camera, config, model, model, False
         self.state: State | None = None
         self.evidence: np.ndarray | None = None
@@ -145,7 +152,8 @@ class PaperTracker:
         return self.state.joints.copy(), expit(self.evidence @ np.array(CONFIDENCE_WEIGHTS))
 
     def frame(self, depth_m: np.ndarray) -> Frame:
-        """The points of an (H, W) image in metres that Algorithm 2 chooses from."""
+        """The points of an (H, W) image in metres that Algorithm 2 chooses from; raises InputError as `check_metres`."""
+        check_metres("paper tracker", self.camera, depth_m)
         epsilon_r = EPSILON_R if self.config.repaired else self.config.epsilon_r
         return frame_of(depth_m, ridge_data(depth_m, RidgeConfig(epsilon_r)), self.camera, sampled=self.config.repaired)
 

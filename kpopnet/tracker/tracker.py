@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.camera import Camera
+from kpopnet.camera import Camera, check_camera, check_metres
+from kpopnet.errors import check_one_of
 from kpopnet.estimator import FRAME_S, Estimator, complete_joints
 from kpopnet.geometry.body import Body
 from kpopnet.geometry.cones import torso_frame
@@ -18,7 +19,7 @@ from kpopnet.tracker.body_estimate import DETECTION_PRIOR_WEIGHT, BodyEstimate
 from kpopnet.tracker.confidence import TRACKED_WEIGHTS, fit_score, probability, tracked_evidence
 from kpopnet.tracker.fit import MAX_ASSOCIATION_M, fit, pose_cost
 from kpopnet.tracker.limbs import refit_limbs, swap_crossed_limbs
-from kpopnet.tracker.start import find_start
+from kpopnet.tracker.start import WAYS, find_start
 
 VELOCITY_DAMPING, MAX_STEP_M = 0.5, 0.15
 """Expected pose = last pose + `VELOCITY_DAMPING` x last step, whose coordinates are clipped to `MAX_STEP_M` metres a frame."""
@@ -87,8 +88,11 @@ class Tracker:
         """Prepares a tracker; `start` is a key of `kpopnet.tracker.start.WAYS`.
 
         The `model` of a known person is used instead of the one measured at the start. The `detector`, for instance a network,
-        is queried for the pose of a single frame at the start (`start=auto`) and when the cost is high.
+        is queried for the pose of a single frame at the start (`start=auto`) and when the cost is high. Raises InputError for
+        no camera, or another start.
         """
+        check_camera(camera)
+        check_one_of("start", start, WAYS)
         self.camera, self.ways, self.detector = camera, start, detector
         self.model = self._known_model = model
         self.state: State | None = None
@@ -125,8 +129,9 @@ class Tracker:
         It was taken at `time_s`, in seconds of any clock; None: FRAME_S after the image before.
 
         (15, 3) float64 joints in the camera frame in metres and (15,) confidence, the estimated probability of an error below
-        10 cm; NaN and 0 before the start and in frames without a visible person.
+        10 cm; NaN and 0 before the start and in frames without a visible person. Raises InputError as `check_metres`.
         """
+        check_metres("tracker", self.camera, depth_m)
         grid, missing = build_depth_grid(depth_m, self.camera), (np.full((NUM_JOINTS, 3), np.nan), np.zeros(NUM_JOINTS))
         if len(grid.points_m) < MIN_POINTS:
             self.miss(time_s)

@@ -14,7 +14,7 @@ those of `RidgeConfig`'s epsilon_r, 0.55: at the printed 0.3 there are so few th
 import cv2
 import numpy as np
 
-from kpopnet.camera import Camera
+from kpopnet.camera import Camera, check_metres
 from kpopnet.geometry.body import LIMBS
 from kpopnet.ridge import RidgeConfig, ridge_data
 from kpopnet.skeleton import BONES, JOINT_NAMES, NUM_JOINTS, Joint
@@ -61,8 +61,9 @@ def initial_pose(depth_m: np.ndarray, camera: Camera) -> np.ndarray:
     """(15, 3) float64 joints, metres, camera frame, of a person in the Y pose.
 
     From (H, W) float32 metres of them alone, 0 elsewhere, which may be cropped around them, and the camera of exactly these
-    pixels. Raises NotYPose, with the reason, for any other pose.
+    pixels. Raises NotYPose, with the reason, for any other pose, and InputError as `check_metres`.
     """
+    check_metres("Y pose", camera, depth_m)
     # The rows are taken again, as many as make pixels as high as wide.
     height = round(camera.height * camera.fx / camera.fy)
     if abs(camera.fy / camera.fx - 1) > SQUARE and height != camera.height:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kpopnet import ridge
+from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig, ridge_data, ridge_probability, ridge_stages
 
 CONFIG = RidgeConfig()
@@ -115,6 +116,16 @@ def test_a_box_has_the_ridge_of_the_whole_image(depth, top, bottom, left, right)
     whole = np.pad(depth, ((top, bottom), (left, right)))
     part = np.s_[top - 2 : top + depth.shape[0] + 2, left - 2 : left + depth.shape[1] + 2]
     assert np.array_equal(ridge_probability(whole, CONFIG)[part], ridge_probability(box, CONFIG))
+
+
+def test_what_is_no_image_or_setting_is_refused():
+    for mistaken, message in (
+        (lambda: ridge_data(np.ones((9, 9), np.uint16), CONFIG), "ridge: expected one .* image of floating-point metres"),
+        (lambda: ridge_stages(np.ones((9, 9)), 0.55), r"ridge settings: expected a kpopnet\.ridge\.RidgeConfig, got 0\.55"),
+        (lambda: RidgeConfig(epsilon_r="0.5"), r"ridge\.epsilon_r='0\.5': expected a number"),
+    ):
+        with pytest.raises(InputError, match=message):
+            mistaken()
 
 
 def test_distances_end_where_no_limb_is_as_wide():

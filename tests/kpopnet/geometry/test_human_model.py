@@ -52,6 +52,14 @@ def test_joints_of_another_shape_or_with_gaps_are_refused() -> None:
     joints[Joint.LEFT_HAND], joints[Joint.TORSO, 1] = np.nan, np.inf
     with pytest.raises(InputError, match="missing joints: left_hand, torso"):
         HumanModel.from_joints(joints)
+    with pytest.raises(InputError, match=r"human model: expected \(15, 3\) joints, found 'standing'"):
+        HumanModel.from_joints("standing")
+
+
+def test_a_path_that_is_none_is_refused() -> None:
+    for mistaken in (HumanModel.load, HumanModel.from_joints(pose()).save):
+        with pytest.raises(InputError, match="expected the path of a file or folder, got None"):
+            mistaken(None)
 
 
 @pytest.mark.parametrize("value", [-0.1, np.nan, "0.3"])

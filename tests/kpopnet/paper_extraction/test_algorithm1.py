@@ -5,8 +5,9 @@ import pytest
 from extraction_scenes import CAMERA, compose, iou, noisy, room, shifted, standing
 
 from kpopnet.camera import Camera
+from kpopnet.errors import InputError
 from kpopnet.human import Human
-from kpopnet.paper_extraction import PaperExtractor
+from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
 
 EMPTY_ROOM = room((4, 40, 34, 100, 3.4), (110, 50, 140, 98, 3.5))
 WALK = list(range(-30, 12, 2))
@@ -79,6 +80,12 @@ def test_a_human_is_their_depth():
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
     assert (x0, y0, x1, y1) == (columns[0] - 2, rows[0] - 2, columns[-1] + 3, rows[-1] + 3)
     assert np.flatnonzero((person > 0).any(axis=1))[-1] - rows[-1] <= 2  # 3 cm of the feet are floor; a pixel is 2 cm
+
+
+def test_settings_that_are_no_numbers_are_refused():
+    for wrong, message in (("0.03", "='0.03': expected a number"), (float("nan"), "must be a finite number")):
+        with pytest.raises(InputError, match=f"extraction.delta_f_m.*{message}"):
+            PaperExtractionConfig(delta_f_m=wrong)
 
 
 def test_an_empty_image_shows_no_person_and_leaves_the_next_its_identities():

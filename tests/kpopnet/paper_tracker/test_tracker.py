@@ -7,6 +7,7 @@ import pytest
 from cone_people import error_m
 from stand_ins import film_of
 
+from kpopnet.camera import CAMERAS
 from kpopnet.errors import InputError
 from kpopnet.paper_tracker.tracker import PaperTracker, PaperTrackerConfig, PaperTrackerEstimator
 from synth.simulated.stand_ins import EvalSim, EvalSimConfig
@@ -51,3 +52,17 @@ def test_settings_that_the_repaired_tracker_would_not_use_are_refused(settings):
     PaperTrackerConfig(**settings)
     with pytest.raises(InputError, match="repaired takes epsilon_r, sufficient and lost from"):
         PaperTrackerConfig(repaired=True, **settings)
+
+
+def test_what_is_no_camera_setting_or_image_is_refused():
+    camera = CAMERAS["kinect_v1"]
+    for mistaken, message in (
+        (lambda: PaperTracker("kinect_v1"), "camera: expected a"),
+        (lambda: PaperTracker(camera, "ridge"), r"config: expected a kpopnet\.paper_tracker\.tracker\.PaperTrackerConfig"),
+        (lambda: PaperTracker(camera).track(np.ones((240, 200))), r"paper tracker: an image of shape \(240, 200\)"),
+        (lambda: PaperTracker(camera).track(np.ones((240, 320), np.uint16)), "paper tracker: expected floating-point metres"),
+        (lambda: PaperTracker(camera).start("standing"), "paper tracker: expected .* joints, found 'standing'"),
+        (lambda: PaperTrackerConfig(r_m="0.1"), r"estimator\.paper_tracker\.r_m='0\.1': expected a number"),
+    ):
+        with pytest.raises(InputError, match=message):
+            mistaken()

@@ -8,6 +8,7 @@ from cone_people import PLACE_M, cone_body, cone_joints, error_m, filmed, tracke
 from stand_ins import film_of
 
 from kpopnet.camera import CAMERAS
+from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
@@ -39,6 +40,16 @@ def simulated():
     """30 frames of a simulated dance: depth of the person, true joints, camera. It starts in the Y pose."""
     film = film_of(EvalSim(EvalSimConfig(seed=11), frames=(60, 60)), 0, frames=30)
     return np.where(film.person, film.depth_m, np.float32(0)), film.joints_camera_m.astype(np.float64), film.camera
+
+
+def test_what_is_no_camera_start_or_image_is_refused() -> None:
+    with pytest.raises(InputError, match="camera: expected a"):
+        Tracker("kinect_v1")
+    with pytest.raises(InputError, match="start=anyhow: expected one of"):
+        Tracker(CAMERA, "anyhow")
+    for wrong in (np.ones((240, 320), np.uint16), np.ones((240, 200)), [[1.0]], None):
+        with pytest.raises(InputError, match="tracker: "):
+            Tracker(CAMERA).track(wrong)
 
 
 def test_a_simulated_person_is_tracked(simulated) -> None:

@@ -11,6 +11,7 @@ from real_data import UTD_MHAD
 from y_people import draw_y, family, simulated, y_angles, y_joints
 
 from kpopnet.camera import CAMERAS, Camera
+from kpopnet.errors import InputError
 from kpopnet.geometry.cones import torso_frame
 from kpopnet.skeleton import JOINT_GROUPS, Joint
 from kpopnet.y_pose.initial_pose import NotYPose, find_initial_pose, initial_pose
@@ -90,6 +91,15 @@ def test_a_back_hands_at_the_edge_and_a_missing_hand_are_refused() -> None:
     depth[np.linalg.norm(CAMERA.points(depth) - joints[Joint.LEFT_HAND], axis=-1) < 0.2] = 0
     with pytest.raises(NotYPose, match=r"arm|limb"):
         initial_pose(depth, CAMERA)
+
+
+def test_what_is_no_image_of_the_camera_is_refused() -> None:
+    depth = draw_y(y_joints(place_m=PLACE_M), CAMERA)
+    for wrong in ((depth * 1000).astype(np.uint16), depth[None], depth[:, :200], depth.tolist()):
+        with pytest.raises(InputError, match="Y pose: "):
+            initial_pose(wrong, CAMERA)
+    with pytest.raises(InputError, match="camera: expected a"):
+        find_initial_pose(depth, None)
 
 
 ODD = st.one_of(st.sampled_from([0.0, 0.0, 1.5, 2.0, 2.0, 2.02, np.nan, np.inf, -1.0]), st.floats(width=32))
