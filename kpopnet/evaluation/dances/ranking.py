@@ -9,8 +9,11 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from kpopnet.dance.performance import numbers
 from kpopnet.dance.scoring import DanceScore
+from kpopnet.errors import InputError
 from kpopnet.evaluation.intervals import Bootstrap
 
 TRUTH = "truth"
@@ -30,16 +33,27 @@ def similarities(learners: list[LearnerScore]) -> np.ndarray:
     return np.array([learner.score.similarity for learner in learners])
 
 
-def is_ordered(scores: np.ndarray) -> bool:
-    """Whether (L,) scores, the best learner by the experts first, decrease strictly."""
-    return bool((np.diff(scores) < 0).all())
+def is_ordered(scores: ArrayLike) -> bool:
+    """Whether (L,) scores, the best learner by the experts first, decrease strictly; raises InputError for fewer than two."""
+    return bool((np.diff(_of_learners(scores)) < 0).all())
 
 
-def kendall_tau(scores: np.ndarray) -> float:
-    """Kendall's tau-a of (L,) scores, the best learner by the experts first: 1 in the right order, -1 in reverse order."""
+def kendall_tau(scores: ArrayLike) -> float:
+    """Kendall's tau-a of (L,) scores, the best learner by the experts first: 1 in the right order, -1 in reverse order.
+
+    Raises InputError for fewer than two.
+    """
+    scores = _of_learners(scores)
     first, second = np.triu_indices(len(scores), 1)
     difference = np.nan_to_num(scores[first] - scores[second])
     return float(np.sign(difference).mean())
+
+
+def _of_learners(scores: ArrayLike) -> np.ndarray:
+    found = numbers("scores", scores)
+    if found.ndim != 1 or len(found) < 2:
+        raise InputError(f"scores of shape {found.shape}: expected those of two learners or more, the best first")
+    return found
 
 
 class Agreement(NamedTuple):
@@ -53,6 +67,8 @@ class Agreement(NamedTuple):
 
 def agreement(scores: dict[str, np.ndarray], seed: int) -> Agreement:
     """The agreement of (L,) scores of each dance by its name, the best learner by the experts first; at least one dance."""
+    if not scores:
+        raise InputError("scores: expected those of one dance or more, by its name")
     ordered = np.array([is_ordered(one) for one in scores.values()])
     tau = np.array([kendall_tau(one) for one in scores.values()])
     bootstrap = Bootstrap(np.arange(len(tau)), seed)

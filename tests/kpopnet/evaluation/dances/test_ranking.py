@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.ranking import agreement, in_order_by_one, is_ordered, kendall_tau, mcnemar_p_value
 
 
@@ -19,6 +20,16 @@ def test_kendall_tau_by_hand():
     assert kendall_tau(np.array([4.0, 3, 1, 2])) == pytest.approx(4 / 6)
     assert kendall_tau(np.array([4.0, 3, 3, 2])) == pytest.approx(5 / 6)
     assert kendall_tau(np.array([4.0, np.nan, 3, 2])) == pytest.approx(3 / 6)
+
+
+def test_scores_are_those_of_two_learners_or_more():
+    assert is_ordered([3, 2, 1]) and kendall_tau([3, 2, 1]) == 1
+    for judge in (is_ordered, kendall_tau, lambda scores: agreement({"one": scores}, seed=0)):
+        for wrong in ([], [60.0], None, np.ones((2, 2))):
+            with pytest.raises(InputError, match="expected those of two learners or more, the best first"):
+                judge(wrong)
+    with pytest.raises(InputError, match="scores: expected those of one dance or more"):
+        agreement({}, seed=0)
 
 
 def test_agreement_counts_dances_and_lists_those_in_the_wrong_order():
