@@ -10,6 +10,8 @@ All figures are ratios of sums over frames, as joints within 10 cm to labelled j
 import numpy as np
 from scipy.special import ndtr, stdtrit
 
+from kpopnet.errors import check_seed
+
 DRAWS = 4000
 LEVEL = 0.95
 FEWEST_UNITS = 5
@@ -37,6 +39,7 @@ class Bootstrap:
 
     def __init__(self, unit: np.ndarray, seed: int) -> None:
         """`unit` is the number of the unit of each frame (N,); the numbers need not be dense."""
+        check_seed("seed", seed)
         _, self._row = np.unique(unit, return_inverse=True)
         self.units = int(self._row.max(initial=-1)) + 1
         shares = np.full(self.units, 1 / max(self.units, 1))

@@ -16,6 +16,7 @@ estimator gets wrong in every person. So figures in the labels' definition stand
 
 import numpy as np
 
+from kpopnet.errors import InputError
 from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
 
 BONE_ENDS = {
@@ -101,10 +102,14 @@ def moved(estimate_m: np.ndarray, offsets_m: np.ndarray) -> np.ndarray:
 def in_label_definition(truth_m: np.ndarray, estimate_m: np.ndarray, person: np.ndarray) -> np.ndarray:
     """(N, 15, 3) estimates of every person, moved by offsets fitted on the labels of all other people.
 
-    `person` is who is seen in each frame (N,), at least two different people. Joints are in metres, NaN where unknown.
+    `person` is who is seen in each frame (N,), at least two different people. Joints are in metres, NaN where unknown. Raises
+    InputError for one person alone, who has no others.
     """
+    people, person = np.unique(person), np.asarray(person)
+    if len(people) < 2 or person.shape != (len(estimate_m),):
+        raise InputError(f"person of shape {person.shape}: expected a name a frame, of two people or more")
     out = np.empty(estimate_m.shape)
-    for one in np.unique(person):
+    for one in people:
         own = person == one
         out[own] = moved(estimate_m[own], fit_offsets(truth_m[~own], estimate_m[~own]))
     return out

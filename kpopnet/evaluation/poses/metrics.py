@@ -17,10 +17,13 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from kpopnet.dance.performance import numbers
+from kpopnet.errors import InputError, check_number, check_type
 from kpopnet.evaluation.intervals import Bootstrap
 from kpopnet.evaluation.poses.definition import torso_axes
 from kpopnet.evaluation.values import plain
-from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES, PAPER_JOINTS, Joint
+from kpopnet.runtime.input_files import ArraySchema, check_array, expect
+from kpopnet.skeleton import JOINT_GROUPS, JOINT_NAMES, NUM_JOINTS, PAPER_JOINTS, Joint
 
 WITHIN_M = 0.10
 """An error below this is that of a correct joint (paper, section 4.1)."""
@@ -31,9 +34,24 @@ MOVING_M = 0.20
 """A joint is moving where it is farther than this from where the person's rest pose has it."""
 
 
+SCHEMA = {
+    **dict.fromkeys(("truth_m", "estimate_m"), ArraySchema("f", ("frames", NUM_JOINTS, 3))),
+    "confidence": ArraySchema("f", ("frames", NUM_JOINTS)),
+    "visible": ArraySchema("b", ("frames", NUM_JOINTS)),
+    "yaw_rad": ArraySchema("f", ("frames",)),
+    "given": ArraySchema("b", ("frames",)),
+    **dict.fromkeys(("sequence", "person"), ArraySchema("U", ("frames",))),
+    "unit": ArraySchema("Uiu", ("frames",)),
+}
+"""What the arrays of `PoseResults` must be."""
+
+
 @dataclass(frozen=True)
 class PoseResults:
-    """True joints, and the joints that one estimator found, in the N frames of an evaluation."""
+    """True joints, and the joints that one estimator found, in the N frames of an evaluation.
+
+    Raises InputError for arrays of another shape or type, and confidence outside of 0..1.
+    """
 
     truth_m: np.ndarray  # (N, 15, 3) true joints in metres in the camera frame, NaN where they are unknown
     estimate_m: np.ndarray  # (N, 15, 3) estimated joints likewise, NaN where missing
@@ -44,6 +62,14 @@ class PoseResults:
     sequence: np.ndarray  # (N,) its name
     person: np.ndarray  # (N,) identity; "" if unknown
     unit: np.ndarray  # (N,) name of the person, room or sequence that the bootstrap resamples as a whole
+
+    def __post_init__(self) -> None:
+        lengths: dict[str, int] = {}
+        for name, schema in SCHEMA.items():
+            array = getattr(self, name)
+            expect(isinstance(array, np.ndarray), name, f"a numpy array, found {type(array).__name__}")
+            check_array(name, array.shape, array.dtype, schema, lengths)
+        expect(bool(((self.confidence >= 0) & (self.confidence <= 1)).all()), "confidence", "numbers from 0 to 1")
 
     @property
     def sequence_names(self) -> list[str]:
@@ -66,8 +92,14 @@ def concatenated(parts: list[PoseResults]) -> PoseResults:
 
 
 def joint_errors_m(truth_m: np.ndarray, estimate_m: np.ndarray) -> np.ndarray:
-    """(N, 15) float64 distances of two (N, 15, 3) arrays in metres, NaN and infinite as the module defines it."""
-    errors_m = np.linalg.norm(estimate_m.astype(np.float64) - truth_m.astype(np.float64), axis=-1)
+    """(N, 15) float64 distances of two (N, 15, 3) arrays in metres, NaN and infinite as the module defines it.
+
+    Raises InputError unless both have one shape (..., 3).
+    """
+    truth_m, estimate_m = numbers("true joints", truth_m), numbers("estimated joints", estimate_m)
+    if truth_m.shape != estimate_m.shape or truth_m.shape[-1:] != (3,):
+        raise InputError(f"true joints of shape {truth_m.shape}, estimated ones of {estimate_m.shape}: expected one, (..., 3)")
+    errors_m = np.linalg.norm(estimate_m - truth_m, axis=-1)
     errors_m[np.isnan(errors_m)] = np.inf
     errors_m[np.isnan(truth_m).any(axis=-1)] = np.nan
     return errors_m
@@ -78,7 +110,8 @@ def fraction_within(errors_m: np.ndarray, threshold_m: float) -> float:
 
     At 0.1 m this is the mAP of the paper (section 4.1) and the metric of ITOP.
     """
-    labelled = ~np.isnan(errors_m)
+    check_number("threshold_m", threshold_m)
+    labelled = ~np.isnan(errors_m := numbers("errors", errors_m))
     return ratio((errors_m[labelled] < threshold_m).sum(), labelled.sum())
 
 
@@ -87,12 +120,14 @@ def area_under_curve(errors_m: np.ndarray) -> float:
 
     Exact, without sampling: a joint with error e is below the threshold for max(0, 1 - e / CURVE_END_M) of the range.
     """
+    errors_m = numbers("errors", errors_m)
     labelled = errors_m[~np.isnan(errors_m)]
     return ratio(np.maximum(0, 1 - labelled / CURVE_END_M).sum(), labelled.size)
 
 
 def mean_error_m(errors_m: np.ndarray) -> float:
     """The mean over all joints with true position and estimate, visible or not; NaN if there are none."""
+    errors_m = numbers("errors", errors_m)
     found = errors_m[np.isfinite(errors_m)]
     return ratio(found.sum(), found.size)
 
@@ -102,8 +137,15 @@ def average_pose_error_m(errors_m: np.ndarray, visible: np.ndarray) -> float:
 
     Assumptions: the paper does not say how a missing estimate counts; it is left out.
     """
+    _check_visible(errors_m, visible)
     # Eq. (16)
     return mean_error_m(np.where(visible, errors_m, np.nan))
+
+
+def _check_visible(errors_m: np.ndarray, visible: np.ndarray) -> None:
+    if np.shape(visible) != np.shape(errors_m) or np.asarray(visible).dtype != bool:
+        shapes = f"{np.shape(errors_m)}, found {np.asarray(visible).dtype} of shape {np.shape(visible)}"
+        raise InputError(f"visible: expected bool, one an error, of shape {shapes}")
 
 
 def without_offsets(results: PoseResults) -> np.ndarray:
@@ -142,6 +184,7 @@ def summary(errors_m: np.ndarray, visible: np.ndarray) -> dict:
     `pose_error_deviation_cm`: the standard deviation of the errors whose mean is `average_pose_error_cm`, the error bars of
     Fig. 10. Assumptions: the paper does not say over which set it is taken; here over all frames and visible joints together.
     """
+    _check_visible(errors_m, visible)
     found = errors_m[np.isfinite(errors_m)]
     seen = errors_m[visible & np.isfinite(errors_m)]
     return {
@@ -162,6 +205,7 @@ def evaluate(results: PoseResults, seed: int = 0) -> dict:
     Frames without any true joint, and those whose label the estimator was given, are left out. What is undefined is None.
     `seed` is the bootstrap's.
     """
+    check_type("results", results, PoseResults)
     labelled = results.select_frames(np.isfinite(results.truth_m).all(axis=-1).any(axis=1))
     scored = ~labelled.given
     results = labelled.select_frames(scored)
@@ -244,8 +288,11 @@ def difference(results: PoseResults, reference: PoseResults, seed: int = 0) -> d
     Each resample holds the same units for both, so what makes a unit hard for both cancels. Frames that either was given are
     left out for both. Distances are compared over the joints that both found: over all joints, an estimator that finds only
     easy ones would seem to be nearer. The result has a dict of `value` and `interval`, None where undefined, for each metric:
-    `within_10cm_points` (percentage points) and `mean_error_cm`.
+    `within_10cm_points` (percentage points) and `mean_error_cm`. Raises InputError for results of other frames.
     """
+    check_type("results", results, PoseResults)
+    check_type("reference", reference, PoseResults)
+    expect(len(results.unit) == len(reference.unit), "reference", f"the {len(results.unit)} frames of the results")
     first, second = results.errors_m(), reference.errors_m()
     scored = ~np.isnan(first) & ~np.isnan(second)
     kept = scored.any(axis=1)

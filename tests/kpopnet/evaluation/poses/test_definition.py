@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 from cone_people import cone_joints
 from films import Films, Off
 from scipy.spatial.transform import Rotation
 
+from kpopnet.errors import InputError
 from kpopnet.evaluation.poses.definition import fit_offsets, in_label_definition, joint_axes, moved
 from kpopnet.evaluation.poses.run import run_benchmark
 from kpopnet.evaluation.poses.tables import confidence_table, definition_tables
@@ -64,6 +66,13 @@ def test_nobodys_own_labels_move_them():
     for one in np.unique(person):
         own = person == one
         np.testing.assert_array_equal(found[own], moved(estimate[own], fit_offsets(truth[~own], estimate[~own])))
+
+
+@pytest.mark.parametrize("person", [["ann"] * 4, ["ann", "bo"], None])
+def test_one_person_alone_has_no_others_to_be_fitted_on(person):
+    joints_m = np.repeat(cone_joints()[None], 4, axis=0)
+    with pytest.raises(InputError, match="expected a name a frame, of two people or more"):
+        in_label_definition(joints_m, joints_m, person)
 
 
 def test_missing_joints_stay_missing_and_a_joint_without_axes_stays_where_it_is():

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from capsule_people import draw_joints
@@ -5,6 +7,7 @@ from pose_results import pose_results
 from real_data import ITOP_SKELETONS
 from scipy.spatial.transform import Rotation
 
+from kpopnet.errors import InputError
 from kpopnet.evaluation.poses.metrics import (
     area_under_curve,
     average_pose_error_m,
@@ -14,6 +17,7 @@ from kpopnet.evaluation.poses.metrics import (
     joint_errors_m,
     mean_error_m,
     moving_joints,
+    summary,
     without_offsets,
     yaw_octants,
 )
@@ -230,3 +234,37 @@ def test_a_heading_belongs_to_the_sector_around_it():
     headings = np.radians([0, 22, -22, 23, -23, 179, -179, NAN])
     found = {name: np.flatnonzero(rows).tolist() for name, rows in yaw_octants(headings).items()}
     assert {name: rows for name, rows in found.items() if rows} == {"0": [0, 1, 2], "45": [3], "-45": [4], "180": [5, 6]}
+
+
+JOINTS_M = np.random.default_rng(0).normal(size=(6, 15, 3))
+RESULTS = pose_results(JOINTS_M, JOINTS_M + 0.01)
+
+
+@pytest.mark.parametrize(
+    ("mistaken", "message"),
+    [
+        (lambda: replace(RESULTS, estimate_m=JOINTS_M[:1]), r"estimate_m: shape \(1, 15, 3\), expected \(frames = 6, 15, 3\)"),
+        (lambda: replace(RESULTS, truth_m=JOINTS_M.tolist()), "truth_m: expected a numpy array, found list"),
+        (lambda: replace(RESULTS, confidence=90 * RESULTS.confidence), "confidence: expected numbers from 0 to 1"),
+        (lambda: replace(RESULTS, confidence=NAN * RESULTS.confidence), "confidence: expected numbers from 0 to 1"),
+        (lambda: replace(RESULTS, visible=np.ones((6, 15), int)), "visible: type int64, expected kind b of numpy"),
+        (lambda: replace(RESULTS, person=np.array(["ann"])), r"person: shape \(1,\), expected \(frames = 6\)"),
+        (lambda: evaluate(None), r"results: expected a kpopnet\.evaluation\.poses\.metrics\.PoseResults, got None"),
+        (lambda: evaluate(RESULTS, "0"), "seed='0' must be a whole number"),
+        (lambda: difference(RESULTS, RESULTS.select_frames(np.arange(5))), "reference: expected the 6 frames of the results"),
+        (lambda: joint_errors_m(JOINTS_M, JOINTS_M[:1]), r"true joints of shape \(6, 15, 3\), estimated ones of \(1, 15, 3\)"),
+        (lambda: joint_errors_m(JOINTS_M[..., :2], JOINTS_M[..., :2]), r"expected one, \(\.\.\., 3\)"),
+        (lambda: joint_errors_m("truth", JOINTS_M), "true joints: expected an array of numbers"),
+        (lambda: fraction_within([0.05], "0.1"), r"threshold_m='0\.1': expected a number"),
+        (lambda: average_pose_error_m(np.ones((6, 15)), None), r"visible: expected bool, .* of shape \(6, 15\), found object"),
+        (lambda: summary(np.ones((6, 15)), np.ones((6, 15), int)), "visible: expected bool, one an error"),
+    ],
+)
+def test_what_are_no_results_is_refused(mistaken, message):
+    with pytest.raises(InputError, match=message):
+        mistaken()
+
+
+def test_errors_may_be_a_list():
+    assert fraction_within([0.05, 0.2, NAN], 0.1) == 0.5 and mean_error_m([0.1, 0.3, INF]) == pytest.approx(0.2)
+    assert area_under_curve([0.1, INF]) == pytest.approx(0.25)
