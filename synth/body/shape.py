@@ -11,7 +11,7 @@ from functools import cache
 
 import numpy as np
 
-from kpopnet.errors import check_between
+from kpopnet.errors import check_between, check_one_of
 from synth.body.asset import BodyAsset, load_body, load_children
 from synth.body.garments import HELD_BACK, ORDINARY, Figure, Wardrobe
 from synth.body.outfit import ClothesConfig, put_on, unworn
@@ -81,7 +81,11 @@ def _adults(split: str) -> tuple[int, np.ndarray]:
 
 
 def draw_person(rng: np.random.Generator, config: BodyConfig, split: str) -> Person:
-    """A dressed person near one of the split's baked people; of the split `benchmark`, in HELD_BACK garments."""
+    """A dressed person near one of the split's baked people; of the split `benchmark`, in HELD_BACK garments.
+
+    Raises InputError for another split.
+    """
+    check_one_of("split", split, SPLIT_RANGES)
     if config.children and rng.random() < config.children:
         asset = load_children()
         first, end = _range(split, asset)

@@ -19,7 +19,9 @@ that keeps its position while the dancer's frame moves; without an anchor the fr
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
+from numbers import Integral
 
+from kpopnet.errors import InputError, check_one_of
 from synth.motion import limbs
 from synth.motion.limbs import OTHER_SIDE, Reach, mirrored
 from synth.motion.posture import CHANNELS, LEG_ANGLES, STANDING
@@ -50,14 +52,15 @@ class Key:
 
 @dataclass(frozen=True)
 class Move:
-    """Two parallel tracks of equal length in beats."""
+    """Two parallel tracks of equal length in beats; raises InputError for others."""
 
     lower: tuple[Key, ...]  # keys of hips and feet
     upper: tuple[Key, ...]  # keys of trunk, head and arms
 
     def __post_init__(self) -> None:
         lower, upper = (sum(key.beats for key in track) for track in (self.lower, self.upper))
-        assert abs(lower - upper) < 1e-9, (lower, upper)
+        if not abs(lower - upper) < 1e-9:
+            raise InputError(f"a move of {lower:g} beats of the lower and {upper:g} of the upper body: expected as many")
 
     @property
     def beats(self) -> float:
@@ -69,6 +72,8 @@ def concat(*moves: Move) -> Move:
 
 
 def repeat(move: Move, times: int) -> Move:
+    if not isinstance(times, Integral) or times < 1:
+        raise InputError(f"a move repeated {times!r:.80} times: expected a whole number of times, one or more")
     return concat(*[move] * times)
 
 
@@ -102,11 +107,14 @@ def turning(move: Move, degrees: float) -> Move:
 
 
 def together(lower: Move, upper: Move) -> Move:
-    """Combines the lower track of one move with the upper track of another. The shorter one is repeated."""
-    longest = max(lower.beats, upper.beats)
-    times = [longest / move.beats for move in (lower, upper)]
-    assert all(abs(n - round(n)) < 1e-9 for n in times), f"{lower.beats} and {upper.beats} beats do not fit"
-    return Move(lower.lower * round(times[0]), upper.upper * round(times[1]))
+    """Combines the lower track of one move with the upper track of another. The shorter one is repeated.
+
+    Raises InputError if it does not fit into the other a whole number of times.
+    """
+    longest, shortest = max(lower.beats, upper.beats), min(lower.beats, upper.beats)
+    if not shortest > 0 or abs(longest / shortest - round(longest / shortest)) >= 1e-9:
+        raise InputError(f"moves of {lower.beats:g} and {upper.beats:g} beats together: expected one to fit into the other")
+    return Move(lower.lower * round(longest / lower.beats), upper.upper * round(longest / upper.beats))
 
 
 _ARMS: dict[str, Reach] = {
@@ -144,7 +152,10 @@ def _sided(channels: Mapping[str, float]) -> dict[str, float]:
 
 def _arm(side: str, reach: str | Reach) -> dict[str, float]:
     """An arm in a direction of `_ARMS`, at a place on the body (`limbs.REACHES`), or with its own angles."""
-    return limbs.arm(side, (limbs.REACHES | _ARMS)[reach] if isinstance(reach, str) else reach)
+    if isinstance(reach, str):
+        check_one_of(f"{side} arm", reach, known := limbs.REACHES | _ARMS)
+        reach = known[reach]
+    return limbs.arm(side, reach)
 
 
 def arms(left: str | Reach, right: str | Reach | None = None, **changes: float) -> dict[str, float]:

@@ -8,11 +8,12 @@ foot with a new position takes a step.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from kpopnet.errors import check_between, check_one_of
+from kpopnet.errors import InputError, check_between, check_one_of, check_type
 from kpopnet.rotations import about, conjugate, multiply, rotate
 from synth.motion.choreography.moves import RELAXED_LOWER, RELAXED_UPPER, Key, Move
 from synth.motion.posture import CHANNELS, LEG_COLUMNS, STANDING, rotations, yaw_pitch_roll
@@ -71,9 +72,12 @@ def perform(move: Move, bpm: float, frames: int, fps: float, name: str, style: S
     The last shape is held if the move ends before the last frame. The postures are within the limits of `posture`, and no point
     is below the floor. Raises InputError for a move with a channel that is none, a key without length or another tempo.
     """
+    check_type("move", move, Move)
     check_move(move)
     check_between("bpm", bpm, 1, 1000)
     check_between("frames", frames, 1, 10_000_000)
+    if not isinstance(frames, Integral):
+        raise InputError(f"frames={frames}: expected a whole number")
     check_between("fps", fps, 1, 1000)
     seconds = np.arange(frames) / fps
     postures = np.tile(STANDING, (frames, 1))

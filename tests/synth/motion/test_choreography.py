@@ -3,8 +3,9 @@ import pytest
 
 from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply, rotate
+from synth.body.shape import BodyConfig, draw_person
 from synth.motion.choreography.composer import Choreography, compose, dance
-from synth.motion.choreography.moves import Key, hits, lower, mirror
+from synth.motion.choreography.moves import Key, Move, arms, hits, lower, mirror, repeat, together, upper
 from synth.motion.choreography.stage import Style, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
 from synth.motion.skeleton import INDEX, MIRROR, forward_kinematics, height_above_floor
@@ -109,3 +110,20 @@ def test_single_poses_come_from_the_dances_and_face_the_front():
     np.testing.assert_array_equal(alone.quats[0], poses.quats[7])
     assert np.abs(poses.quats[:, 0, 2]).max() < 1e-6  # the hips have no heading
     assert height_above_floor(poses.quats, poses.root_m).min() > -0.01
+
+
+def test_moves_that_do_not_fit_and_names_that_are_none_are_told():
+    two, three = hits(2, arms("up")), hits(3, arms("up"))
+    for mistaken, message in (
+        (lambda: together(two, three), "moves of 2 and 3 beats together: expected one to fit into the other"),
+        (lambda: together(upper(), two), "moves of 0 and 2 beats together"),
+        (lambda: Move(two.lower, three.upper), "a move of 2 beats of the lower and 3 of the upper body: expected as many"),
+        (lambda: repeat(two, 0), "a move repeated 0 times: expected a whole number of times, one or more"),
+        (lambda: repeat(two, 1.5), r"a move repeated 1\.5 times"),
+        (lambda: arms("upwards"), "left arm=upwards: expected one of"),
+        (lambda: perform(two.upper, 116, 30, 30.0, "move"), r"move: expected a synth\.motion\.choreography\.moves\.Move"),
+        (lambda: perform(two, 116, 30.5, 30.0, "move"), r"frames=30\.5: expected a whole number"),
+        (lambda: draw_person(np.random.default_rng(0), BodyConfig(), "training"), "split=training: expected one of train"),
+    ):
+        with pytest.raises(InputError, match=message):
+            mistaken()
