@@ -18,7 +18,7 @@ import numpy as np
 
 from kpopnet.dance.joint_files.writing import CM_PER_METRE, CSV_COLUMNS, csv_rows, json_frames, skeleton
 from kpopnet.dance.performance import Performance
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.pose import PersonPose
 from kpopnet.rotations import conjugate, multiply
 from kpopnet.runtime.endings import is_windows_broken_pipe
@@ -45,6 +45,7 @@ class ReaderGoneError(InputError):
 PORTS = {"osc": 9000, "vmc": 39539}
 """The usual UDP ports of programs that receive."""
 
+MOST_PORT = 65535
 STREAMS = ("json", "csv", *PORTS)
 TO_STDOUT = ("json", "csv")
 LOOPBACK = "127.0.0.1"
@@ -54,7 +55,14 @@ FORGOTTEN_S = 5.0
 
 @contextmanager
 def open_stream(kind: str | None, port: int | None = None) -> Iterator[Stream | None]:
-    """A stream of a kind in STREAMS; OSC goes to a UDP port of this machine, VMC to it and those that follow; None: none."""
+    """A stream of a kind in STREAMS; OSC goes to a UDP port of this machine, VMC to it and those that follow; None: none.
+
+    Raises InputError for another kind or port.
+    """
+    if kind is not None:
+        check_one_of("stream", kind, STREAMS)
+    if port is not None:
+        check_between("port", port, 1, MOST_PORT)
     if kind not in PORTS:
         yield {None: None, "json": _printed(_write_json), "csv": _printed(_write_csv)}[kind]
         return

@@ -16,7 +16,7 @@ from typing import Any
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
-from kpopnet.runtime.input_files import expect, read_json
+from kpopnet.runtime.input_files import as_path, expect, read_json
 from kpopnet.sources.lenses import Lens, Optics
 
 log = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ def read_optics(path: Path | str, width: int | None = None, height: int | None =
                 "give a file of intrinsics (--camera), or the horizontal field of view in degrees (--fov)"
             )
         return Optics(preset.resized(*size))
-    if not Path(path).is_file():
+    if not as_path(path).is_file():
         raise InputError(f"{path}: no such file, and no preset; there are {', '.join(CAMERAS)}")
     return optics_in(read_json(Path(path)), str(path), width, height)
 

@@ -63,7 +63,7 @@ class View(NamedTuple):
         camera, table = self.camera, self.table
         if clockwise_deg and table is None:
             table = np.arange(camera.width * camera.height).reshape(camera.height, camera.width)
-        for _ in range(clockwise_deg // 90):
+        for _ in range(int(clockwise_deg) // 90):
             camera, table = camera.turned(), np.rot90(table, -1)
         return View(camera, table if table is None else np.ascontiguousarray(table))
 

@@ -90,6 +90,8 @@ def open_depth(
     for name, number in (("fps", fps), ("depth_scale", depth_scale)):
         if number is not None:
             check_number(name, number)
+    if not isinstance(key, str | None):
+        raise InputError(f"key={key!r:.80}: expected the name of an array or topic, or a pattern of names")
     recording = _described(path, key, in_child)
     check_size(str(path), recording.width, recording.height, recording.frames)
     stated = recording.fps if fps is None else fps

@@ -13,6 +13,7 @@ from cone_people import cone_joints
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.errors import InputError
 from kpopnet.live.streams import TO_STDOUT, Seen, open_stream
 from kpopnet.pose import PersonPose
 from kpopnet.runtime import endings
@@ -128,6 +129,19 @@ def test_where_no_program_listens_images_go_nowhere(monkeypatch, error):
     monkeypatch.setattr(socket, "socket", Deaf)
     with open_stream("vmc") as stream:
         stream(SEEN)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (("OSC",), "stream=OSC: expected one of json, csv, osc, vmc"),
+        (("osc", 70000), r"port=70000: expected a number in 1\.\.65535"),
+        (("vmc", "9000"), "port='9000': expected a number"),
+    ],
+)
+def test_another_stream_or_port_is_refused(given, message):
+    with pytest.raises(InputError, match=message), open_stream(*given):
+        pass
 
 
 def test_osc_names_people_and_joints(heard):

@@ -84,5 +84,6 @@ def test_a_camera_on_its_side_sees_the_same_points_upright(turn, lens, tmp_path)
     x, y, z = spot_m(flat)
     expected = {90: (-y, x, z), 180: (-x, -y, z), 270: (y, -x, z)}[turn]
     np.testing.assert_allclose(spot_m(turned), expected, atol=0.01)
+    np.testing.assert_array_equal(*(next(iter(open_depth(tmp_path / "a.npz", rotate_deg=deg))) for deg in (turn, float(turn))))
     with pytest.raises(InputError, match="expected 0, 90, 180 or 270"):
         open_depth(tmp_path / "a.npz", rotate_deg=45)

@@ -191,6 +191,10 @@ def test_the_camera_comes_from_a_preset_a_file_an_angle_or_a_focal_length(tmp_pa
         open_depth(tmp_path / "a.npy", chosen_camera())
     with pytest.raises(InputError, match="given twice"):
         chosen_camera("eval", 58.0)
+    with pytest.raises(InputError, match=r"expected the path of a file or folder, got Camera\(fx="):
+        open_depth(tmp_path / "a.npy", chosen_camera(CAMERAS["eval"]))
+    with pytest.raises(InputError, match="key=0: expected the name of an array or topic"):
+        open_depth(tmp_path, CAMERAS["eval"], key=0)
     np.save(tmp_path / "large.npy", np.full((2, 480, 640), 2000, np.uint16))
     assert open_depth(tmp_path / "large.npy", chosen_camera("kinect_v1")).camera == Camera.centred(571.26, 640, 480)
     with pytest.raises(InputError, match=r"camera realsense: expected the camera's 848x480 pixels, got 640x480.*--fov"):
