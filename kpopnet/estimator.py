@@ -6,6 +6,7 @@ from numbers import Integral
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kpopnet.camera import Camera
 from kpopnet.errors import InputError
@@ -89,7 +90,7 @@ def base_estimator(estimator: Estimator) -> Estimator:
     return getattr(estimator, "estimator", estimator)
 
 
-def complete_joints(joints_m: np.ndarray, where: str, needed: Iterable[Joint] = Joint) -> np.ndarray:
+def complete_joints(joints_m: ArrayLike, where: str, needed: Iterable[Joint] = Joint) -> np.ndarray:
     """A (15, 3) float64 copy of a pose in metres. Raises InputError, at `where`: another shape, or a missing joint."""
     try:
         joints_m = np.array(joints_m, np.float64)
@@ -147,7 +148,9 @@ def track_sequence(tracker: FrameTracker, depth_m: np.ndarray, start: Start | No
 
 
 def first_label(joints_camera_m: np.ndarray) -> Start:
-    """The first of (T, 15, 3) ground-truth poses with all joints; raises InputError if there is none."""
+    """The first of (T, 15, 3) ground-truth poses with all joints; raises InputError if there is none, or for another shape."""
+    if np.shape(joints_camera_m)[1:] != (NUM_JOINTS, 3):
+        raise InputError(f"labels of shape {np.shape(joints_camera_m)}: expected (frames, {NUM_JOINTS}, 3)")
     complete = np.flatnonzero(np.isfinite(joints_camera_m).all(axis=(1, 2)))
     if not len(complete):
         raise InputError("start=label needs a frame with all fifteen joints, and there is none; use start=auto")

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from kpopnet.camera import Camera, sequence_in_metres
 from kpopnet.data.cube import person_centre
-from kpopnet.estimator import Estimate
+from kpopnet.estimator import Estimate, complete_joints
 from kpopnet.skeleton import NUM_JOINTS
 
 
@@ -18,8 +18,11 @@ class MeanPoseEstimator:
     name = "mean_pose"
 
     def __init__(self, mean_pose_m: ArrayLike) -> None:
-        """`mean_pose_m`: (15, 3) metres relative to the person's centre (`person_centre`), along the camera's axes."""
-        self.mean_pose_m = np.asarray(mean_pose_m, np.float32).reshape(NUM_JOINTS, 3)
+        """`mean_pose_m`: (15, 3) metres relative to the person's centre (`person_centre`), along the camera's axes.
+
+        Raises InputError for another shape, or missing joints.
+        """
+        self.mean_pose_m = complete_joints(mean_pose_m, "mean pose").astype(np.float32)
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`. The confidence is 1 in every frame with a person, since it cannot be estimated."""

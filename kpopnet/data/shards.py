@@ -43,7 +43,7 @@ from kpopnet.runtime.hdf5_files import (
     readable,
     stored_array,
 )
-from kpopnet.runtime.input_files import ArraySchema, expect, parse_json
+from kpopnet.runtime.input_files import ArraySchema, as_path, expect, parse_json
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
 FORMAT = "kpopnet-shard"
@@ -158,7 +158,7 @@ class ShardedSet:
 
     def __init__(self, folder: Path | str) -> None:
         """Reads every shard's header; raises InputError for no shards, a damaged one, or shards of different sets."""
-        self.folder = Path(folder)
+        self.folder = as_path(folder)
         self.paths = sorted(self.folder.glob("shard_*.h5"))
         if not self.paths:
             raise InputError(

@@ -25,7 +25,7 @@ from kpopnet.data.cube import crop, person_cubes
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.runtime.atomic_write import atomic_path, write_json
-from kpopnet.runtime.input_files import ArraySchema, check_array, check_fields, expect, read_json, read_with
+from kpopnet.runtime.input_files import ArraySchema, as_path, check_array, check_fields, expect, read_json, read_with
 from kpopnet.runtime.provenance import git_revision
 from kpopnet.skeleton import BONES, JOINT_NAMES, NUM_JOINTS, Joint
 
@@ -169,7 +169,7 @@ class TreeWalkModel:
     @classmethod
     def load(cls, folder: Path | str) -> "TreeWalkModel":
         """Reads a folder written by `save`; raises InputError if it holds no model of this version or a damaged one."""
-        path = Path(folder) / META
+        path = as_path(folder) / META
         if not path.is_file():
             raise InputError(f"{folder}: no tree walk model there (no {META}); {TRAIN_ONE}")
         kind = {"format": str, "version": int, "crop_px": int, "half_size_m": float}

@@ -80,6 +80,14 @@ def test_damaged_trees_are_refused(trained, tmp_path, change, message):
     assert TREES in str(refused.value)
 
 
+def test_what_is_no_path_of_a_model_or_no_mean_pose_is_refused():
+    with pytest.raises(InputError, match="expected the path of a file or folder, got 3"):
+        TreeWalkModel.load(3)
+    for wrong in (None, "mean", np.zeros((14, 3)), np.full((15, 3), np.nan)):
+        with pytest.raises(InputError, match="mean pose: expected"):
+            MeanPoseEstimator(wrong)
+
+
 @pytest.mark.parametrize("wrong", ["tree_walk.crop_px=100", "tree_walk.places=0"])
 def test_a_refused_setting_has_the_name_that_a_user_types(wrong):
     config = OmegaConf.structured(TreeWalkTrainingConfig)

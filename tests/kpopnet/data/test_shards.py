@@ -30,6 +30,11 @@ def read_everything(path: Path) -> None:
     shards.column("joints_m")
 
 
+def test_a_path_that_is_none_is_refused():
+    with pytest.raises(InputError, match="expected the path of a file or folder, got None"):
+        ShardedSet(None)
+
+
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [

@@ -54,6 +54,8 @@ def test_the_first_label_is_the_first_complete_one(film) -> None:
     joints[2:, 0] = np.nan
     with pytest.raises(InputError, match="start=label needs a frame with all fifteen joints"):
         first_label(joints)
+    with pytest.raises(InputError, match=r"labels of shape \(15, 3\): expected \(frames, 15, 3\)"):
+        first_label(joints[0])
 
 
 def test_a_saved_model_is_read(film, tmp_path) -> None:
