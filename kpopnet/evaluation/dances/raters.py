@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.datasets.dances.ratings import CHOICES, Answer
+from kpopnet.errors import check_one_of
 from kpopnet.evaluation.dances.ranking import wilson_interval
 from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap, interval_of
 
@@ -45,7 +46,10 @@ class Votes:
 
 
 def votes_of(dances: dict[str, list[str]], ratings: dict[str, list[Answer]]) -> dict[str, Votes]:
-    """The dances, by name, that at least one rater compared completely; from learners by dance and answers by rater."""
+    """The dances, by name, that at least one rater compared completely; from learners by dance and answers by rater.
+
+    Raises InputError for an answer that is none yet, or is about others than the learners.
+    """
     found = {}
     for dance, learners in dances.items():
         signs = {}
@@ -53,6 +57,9 @@ def votes_of(dances: dict[str, list[str]], ratings: dict[str, list[Answer]]) -> 
             one = np.zeros((len(learners),) * 2)
             first = [answer for answer in answers if answer.dance == dance and not answer.repeat]
             for answer in first:
+                check_one_of(f"{rater} on {dance}: choice", answer.choice, CHOICES)
+                for learner in (answer.left, answer.right):
+                    check_one_of(f"{rater} on {dance}: learner", learner, learners)
                 left, right = learners.index(answer.left), learners.index(answer.right)
                 one[left, right] = CHOICES[answer.choice]
                 one[right, left] = -CHOICES[answer.choice]

@@ -6,6 +6,7 @@ from rated_sets import answered, simulated_votes
 from scipy.stats import rankdata
 
 from kpopnet.datasets.dances.ratings import Answer
+from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.raters import (
     Votes,
     against,
@@ -81,6 +82,15 @@ def test_intervals_need_five_dances_that_differ():
     assert mean_w(simulated_votes(rng, 9, 3, 0.0), 0) == (1.0, None, 9)
     assert mean_w(simulated_votes(rng, 9, 1, 1.0), 0).value is None and alpha({}, 0).value is None
     assert one_against_others("eve", {}, 0)["tau"] == consistency([]) == (None, None, 0)
+
+
+def test_answers_that_are_none_or_about_others_are_refused():
+    for answer, message in (
+        (Answer("one", "ann", "bo"), "eve on one: choice=: expected one of left, equal, right"),
+        (Answer("one", "ann", "zoe", choice="left"), "eve on one: learner=zoe: expected one of ann, bo"),
+    ):
+        with pytest.raises(InputError, match=message):
+            votes_of({"one": ["ann", "bo"]}, {"eve": [answer]})
 
 
 def test_a_dance_counts_for_raters_who_answered_all_of_its_pairs():
