@@ -21,7 +21,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d, uniform_filter1d
 
 from kpopnet.dance.features import limb_directions
+from kpopnet.dance.performance import poses
 from kpopnet.dance.window import FPS, WINDOW_FRAMES
+from kpopnet.errors import InputError
 from kpopnet.languages import Said
 
 LIMBS = ("right arm", "left arm", "right leg", "left leg")
@@ -78,7 +80,13 @@ class Rhythm(NamedTuple):
 
 
 def dynamics(teacher_m: np.ndarray, learner_m: np.ndarray, matched: np.ndarray) -> Dynamics:
-    """Compares the limbs of (T, 15, 3) joints at FPS frames a second, with the (T,) teacher's frame of each."""
+    """Compares the limbs of (T, 15, 3) joints at FPS frames a second, with the (T,) teacher's frame of each.
+
+    Raises InputError for other shapes.
+    """
+    teacher_m, learner_m = poses(teacher_m), poses(learner_m)
+    if np.shape(matched) != learner_m.shape[:1]:
+        raise InputError(f"{len(learner_m)} frames matched with those of shape {np.shape(matched)}: expected one a frame")
     taught, danced = limb_directions(teacher_m), limb_directions(learner_m)
     starts = np.arange(0, len(danced) - WINDOW_FRAMES + 1, HOP_FRAMES)
     logs, weights = [], []
@@ -129,7 +137,7 @@ def accents_s(joints_m: np.ndarray) -> np.ndarray:
     """Times in seconds after the first frame at which the limbs of (T, 15, 3) joints move least."""
     from scipy.signal import find_peaks  # slow to import
 
-    if len(joints_m) < 2:
+    if len(joints_m := poses(joints_m)) < 2:
         return np.zeros(0)
     directions = limb_directions(joints_m).reshape(len(joints_m), -1)
     speed = np.linalg.norm(np.gradient(directions, axis=0), axis=1) * FPS  # of all limbs together, radians per second
@@ -149,6 +157,8 @@ def rhythm(teacher_m: np.ndarray, learner_m: np.ndarray, beats_s: np.ndarray) ->
 
     None where too few accents are seen, or the teacher's do not lie at one place in the beat. Joints are as for `dynamics`.
     """
+    if len(beats_s) < 2:
+        return None
     taught, danced = (_in_beats(accents_s(joints_m), beats_s) for joints_m in (teacher_m, learner_m))
     if min(len(taught), len(danced)) < MIN_ACCENTS:
         return None

@@ -26,7 +26,9 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.dance.features import MIN_BONE_M
+from kpopnet.dance.performance import poses
 from kpopnet.dance.window import FPS, WINDOW_FRAMES
+from kpopnet.errors import InputError
 from kpopnet.languages import Said
 from kpopnet.skeleton import Joint
 
@@ -163,8 +165,13 @@ class StageScore(NamedTuple):
 def stage_score(teacher_m: np.ndarray, learner_m: np.ndarray, delay_s: np.ndarray) -> StageScore:
     """Grades a learner on the stage, from (T, 15, 3) joints of both and the learner's (T,) delay as the windows matched it.
 
-    Joints are in metres in the camera frame, FPS frames a second on one clock, NaN where missing.
+    Joints are in metres in the camera frame, FPS frames a second on one clock, NaN where missing. Raises InputError for
+    other shapes.
     """
+    teacher_m, learner_m = poses(teacher_m), poses(learner_m)
+    if not np.shape(delay_s) == teacher_m.shape[:1] == learner_m.shape[:1]:
+        lengths = f"{len(teacher_m)} and {len(learner_m)} frames with delays of shape {np.shape(delay_s)}"
+        raise InputError(f"{lengths}: expected as many of teacher and learner, and a delay for each")
     teacher, learner = stance(teacher_m), stance(learner_m)
     frames = np.arange(len(delay_s))
     matched = np.clip(np.rint(frames - delay_s * FPS).astype(int), 0, len(frames) - 1)

@@ -6,6 +6,8 @@ from dance_people import FPS, dance_joints_m, followed, mirrored, noisy, perform
 
 from kpopnet.dance.diagnosis import corrected, delayed, diagnose, knees_bend_backwards
 from kpopnet.dance.dimensions.formation import formation
+from kpopnet.dance.dimensions.movement import accents_s, dynamics
+from kpopnet.dance.dimensions.stage import stage_score
 from kpopnet.dance.features import FEATURES, Angles, Feature
 from kpopnet.dance.feedback import feedback, moments_since
 from kpopnet.dance.online import MOST_BEHIND, OnlineScorer
@@ -208,6 +210,11 @@ SCORE = score_dance(SHORT, SHORT)
         (lambda: SCORE.rhythm([2.0, 1.0]), "beats: expected finite times that increase"),
         (lambda: SCORE.free([0.0, math.inf]), "beats: expected finite times that increase"),
         (lambda: feedback(SCORE, recording=diagnose(SHORT, SHORT, OURS)), "recording: expected the faults of a diagnosis"),
+        (lambda: dynamics(JOINTS_M[:, :14], JOINTS_M, np.arange(360)), r"joints of shape \(360, 14, 3\): expected"),
+        (lambda: dynamics(JOINTS_M, JOINTS_M, np.arange(9)), r"360 frames matched with those of shape \(9,\)"),
+        (lambda: accents_s(JOINTS_M[:, :14]), r"joints of shape \(360, 14, 3\): expected"),
+        (lambda: stage_score(JOINTS_M, None, np.zeros(360)), r"joints of shape \(\): expected"),
+        (lambda: stage_score(JOINTS_M, JOINTS_M[:9], np.zeros(360)), "360 and 9 frames with delays of shape"),
         (lambda: moments_since(None, 1.0), "score: expected a DanceScore, .* got NoneType"),
         (lambda: moments_since(SCORE, "1"), "since_s='1': expected a number"),
         (lambda: diagnose(JOINTS_M, SHORT, OURS), "the teacher's dance: expected a Performance, .* got ndarray"),
