@@ -34,12 +34,16 @@ NORMALISED, NORM, EPSILON = "0.weight", "1.", 1e-5
 its filters, the beginning of that of the statistics, and torch's summand of the variance."""
 
 
+Output = tuple[np.ndarray, np.ndarray, np.ndarray | None]
+"""Of a `Backend`: joints, confidence and logits."""
+
+
 class Backend(Protocol):
     """Runs a network; `meta` is its checked description (kpopnet.networks)."""
 
     meta: dict
 
-    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def __call__(self, crops: np.ndarray) -> Output:
         """From (N, C, S, S) float32 crops (kpopnet.data.cube.crop): (N, 15, 3) joints in cube units, (N, 15) confidence, and
         the (N,) logit of the probability that they show a person, None where it does not judge.
         """
@@ -122,7 +126,7 @@ class OnnxBackend:
         expect(types == {"tensor(float)"}, str(path), f"float32 values, found {names_in(types)}")
         read_with(lambda _: self(np.zeros((1, *size), np.float32)), self.path, "ONNX Runtime cannot run it")
 
-    def __call__(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def __call__(self, crops: np.ndarray) -> Output:
         """See `Backend`."""
         joints, confidence, *person = self._session.run(self.outputs, {INPUT: crops})
         return joints, confidence, person[0] if person else None

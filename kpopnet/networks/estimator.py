@@ -8,10 +8,9 @@ import numpy as np
 
 from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.data.cube import Cube, crop, person_centre
-from kpopnet.errors import check_between
 from kpopnet.estimator import WHOLE_ROOM, Estimate, shows_a_room
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.backend import open_network
+from kpopnet.networks.backend import Output, open_network
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.runtime.input_files import settings_from
 from kpopnet.skeleton import BONES, MIRROR, Joint
@@ -20,9 +19,6 @@ log = logging.getLogger(__name__)
 
 BATCH = 32
 """Crops that a network is run on at once."""
-
-Said = tuple[np.ndarray, np.ndarray, np.ndarray | None]
-"""Joints, confidence and logits, as `kpopnet.networks.backend.Backend` answers."""
 
 ADULT_M = 4.16
 """Sum of the bones of the mean adult of training, metres: of 20,000 images of `preset=release`."""
@@ -36,7 +32,7 @@ SURFACE_OFFSET_M = 0.1
 
 PARENTS, CHILDREN = np.array(BONES).T
 
-SURER = 0.03
+CONFIDENCE_MARGIN = 0.03
 """The mean confidence in joints by which a crop that was turned has to exceed the crop as it is."""
 
 
@@ -46,29 +42,24 @@ class NetworkEstimator:
     Frames are independent: the person's centre is the median of the frame's silhouette, as in training. People get
     two passes of the network (test-time augmentation), the second on a mirrored crop whose place and size follow from the first
     (`second_cube`); the joints of both are weighed by their confidence (`fused`), the logits of a person averaged. Who is
-    not upright is seen upright as well (`seen_upright`). The confidence is the network's estimate of the probability that the
+    not upright is seen upright as well (`run_upright`). The confidence is the network's estimate of the probability that the
     joint lies within 10 cm of the ground truth.
     """
 
-    def __init__(self, checkpoint: Path | str | None = None, device: str = "cpu", second_pass_confidence: float = 1.0) -> None:
-        """Loads a network; `checkpoint`, `device` and errors as in `kpopnet.networks.backend.open_network`.
-
-        `estimate` makes a second pass for children, and for people of whom the first has at most this confidence, in the mean
-        over the joints.
-        """
-        check_between("second_pass_confidence", second_pass_confidence, 0, 1)
+    def __init__(self, checkpoint: Path | str | None = None, device: str = "cpu") -> None:
+        """Loads a network; arguments and errors as in `kpopnet.networks.backend.open_network`."""
         self.backend = open_network(checkpoint, device)
         self.meta = self.backend.meta
         self.model = ModelConfig(**self.meta["model"])
         self.name = self.model.name
-        self._second_pass_confidence, self._warned = second_pass_confidence, False
+        self._warned = False
         takes_ridge, settings = self.model.input == "depth_ridge", self.meta["config"].get("ridge", {})
         self.ridge = settings_from(RidgeConfig, settings, f"{checkpoint}: its ridge settings") if takes_ridge else None
 
     def estimate(self, depth_m: np.ndarray, camera: Camera) -> Estimate:
         """See `kpopnet.estimator.Estimator`."""
         depth_m, camera = subsampled(sequence_in_metres(depth_m, camera), camera)
-        return self.judge([(frame_m, camera) for frame_m in depth_m], self._second_pass_confidence)[0]
+        return self.judge([(frame_m, camera) for frame_m in depth_m])[0]
 
     def judge(
         self, images: Sequence[tuple[np.ndarray, Camera]], second_pass_confidence: float = 1.0
@@ -100,10 +91,10 @@ class NetworkEstimator:
             result.joints_camera_m[batch], result.confidence[batch] = joints_m, confidence
         return result, person_logit if judges else None
 
-    def _run(self, images: Sequence[tuple[np.ndarray, Camera]], cubes: dict[int, Cube], mirrored: bool = False) -> Said:
+    def _run(self, images: Sequence[tuple[np.ndarray, Camera]], cubes: dict[int, Cube], mirrored: bool = False) -> Output:
         """What the network says of the cubes around people, by number of the image, in a mirror or not; joints in metres."""
         crops = np.stack([self._crop(*images[row], cube) for row, cube in cubes.items()])
-        uvd, confidence, person = seen_upright(self.backend, np.ascontiguousarray(crops[..., ::-1]) if mirrored else crops)
+        uvd, confidence, person = run_upright(self.backend, np.ascontiguousarray(crops[..., ::-1]) if mirrored else crops)
         if mirrored:
             uvd, confidence = uvd[:, MIRROR] * np.array([-1, 1, 1], np.float32), confidence[:, MIRROR]
         return np.stack([cube.to_metres(one) for cube, one in zip(cubes.values(), uvd, strict=True)]), confidence, person
@@ -140,7 +131,7 @@ def fused(
     return joints_m + share[..., None] * (second_m - joints_m), (confidence + second) / 2
 
 
-def seen_upright(network: Callable[[np.ndarray], Said], crops: np.ndarray) -> Said:
+def run_upright(network: Callable[[np.ndarray], Output], crops: np.ndarray) -> Output:
     """What a network says of (N, C, S, S) crops, as `Backend`; where it sees a trunk that is not upright it is asked again, of
     the crop turned by quarters until the trunk is, and what it is surer of counts.
 
@@ -154,7 +145,7 @@ def seen_upright(network: Callable[[np.ndarray], Said], crops: np.ndarray) -> Sa
     if len(rows):
         turned, sure, _ = network(np.stack([np.rot90(crops[row], quarters[row], (1, 2)) for row in rows]))
         for row, joints, one in zip(rows, turned, sure, strict=True):
-            if one.mean() > confidence[row].mean() + SURER:
+            if one.mean() > confidence[row].mean() + CONFIDENCE_MARGIN:
                 back = np.linalg.matrix_power([[0, -1], [1, 0]], quarters[row])
                 uvd[row, :, :2], uvd[row, :, 2], confidence[row] = joints[:, :2] @ back.T, joints[:, 2], one
     return uvd, confidence, person

@@ -14,9 +14,8 @@ from hypothesis.extra.numpy import arrays
 from kpopnet.camera import CAMERAS
 from kpopnet.data.batches import AugmentConfig, CropBatches, EvenOrder, occlude
 from kpopnet.data.cube import Cube, View, crop, person_centre
-from kpopnet.errors import InputError
 from kpopnet.networks import ModelConfig
-from kpopnet.networks.estimator import SURER, NetworkEstimator, fused, relative_sizes, second_cube, seen_upright
+from kpopnet.networks.estimator import CONFIDENCE_MARGIN, NetworkEstimator, fused, relative_sizes, run_upright, second_cube
 from kpopnet.pose.person import detected
 from kpopnet.programs.score import seeing_estimator
 from kpopnet.ridge import RidgeConfig
@@ -81,7 +80,7 @@ def test_a_person_who_is_not_upright_is_seen_upright():
     crops = turned((0, 1, 2, 3, 2))
     network = knowing_arrows([0.9, 0.5, 0.6, 0.7])
     expected = network(crops)
-    joints, confidence, person = seen_upright(network, crops)
+    joints, confidence, person = run_upright(network, crops)
     np.testing.assert_allclose(joints, expected[0], atol=1e-6)  # where they are in the crop as it is
     assert np.allclose(confidence, 0.9)
     np.testing.assert_array_equal(person, expected[2])
@@ -89,7 +88,7 @@ def test_a_person_who_is_not_upright_is_seen_upright():
 
 def test_only_a_network_that_is_surer_of_the_upright_person_is_believed():
     asked, crops = [], turned(range(4))
-    network = knowing_arrows([0.5, 0.5 - 2 * SURER, 0.5 - 0.5 * SURER, 0.8])
+    network = knowing_arrows([0.5, 0.5 - 2 * CONFIDENCE_MARGIN, 0.5 - 0.5 * CONFIDENCE_MARGIN, 0.8])
 
     def unlike(some):
         """Puts joints of its second answer elsewhere."""
@@ -97,9 +96,9 @@ def test_only_a_network_that_is_surer_of_the_upright_person_is_believed():
         joints, sure, person = network(some)
         return joints + np.float32(len(asked) - 1), sure, person
 
-    joints, confidence, _ = seen_upright(unlike, crops)
+    joints, confidence, _ = run_upright(unlike, crops)
     assert asked == [4, 3]
-    np.testing.assert_allclose(confidence[:, 0], [0.5, 0.5, 0.5 - 0.5 * SURER, 0.8], atol=1e-6)
+    np.testing.assert_allclose(confidence[:, 0], [0.5, 0.5, 0.5 - 0.5 * CONFIDENCE_MARGIN, 0.8], atol=1e-6)
     as_they_are = network(crops)[0]
     np.testing.assert_allclose(joints[[0, 2, 3]], as_they_are[[0, 2, 3]], atol=1e-6)
     assert np.abs(joints[1] - as_they_are[1]).min() > 0.5
@@ -114,9 +113,9 @@ def test_who_is_upright_is_looked_at_once_and_a_network_need_not_judge_nor_see_d
 
     upright = turned((0, 0))
     two_channels = np.concatenate([1 - upright, upright], axis=1)
-    assert seen_upright(of_the_second_channel, two_channels)[2] is None and asked == [2]
+    assert run_upright(of_the_second_channel, two_channels)[2] is None and asked == [2]
     lying = turned((1, 0))
-    _, confidence, _ = seen_upright(of_the_second_channel, np.concatenate([1 - lying, lying], axis=1))
+    _, confidence, _ = run_upright(of_the_second_channel, np.concatenate([1 - lying, lying], axis=1))
     assert asked == [2, 2, 1] and np.allclose(confidence, 0.9)
 
 
@@ -262,5 +261,3 @@ def test_a_teacher_is_seen_by_the_network_as_lessons_see_learners():
     seen = seeing_estimator("network").estimate(np.stack([depth_m for depth_m, _ in images]), CAMERA)
     learners = detected(network, "best", images)
     np.testing.assert_allclose(seen.joints_camera_m, [one.joints_camera_m for one in learners], atol=1e-5)
-    with pytest.raises(InputError, match="second_pass_confidence=2"):
-        NetworkEstimator(second_pass_confidence=2)
