@@ -9,7 +9,7 @@ import numpy as np
 
 from kpopnet.dance.noise.steady import PART_OF_SEGMENT, SEGMENTS
 from kpopnet.dance.window import PARTS
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_one_of
 
 
 class EstimatorNoise(NamedTuple):
@@ -57,8 +57,9 @@ own errors come on top."""
 def noise_between(teacher: str, learner: str) -> str:
     """The name of the noise of a learner's estimator against a teacher's joints, of an `estimator` as of `Performance`.
 
-    Raises InputError where the teacher is as another estimator than the learner's sees them.
+    Raises InputError where the teacher is as another estimator than the learner's sees them, or as one that NOISE lacks.
     """
+    check_one_of("the estimator of the teacher's joints", teacher, tuple(NOISE))
     if teacher == learner and f"{learner}{RECORDED}" in NOISE:
         return f"{learner}{RECORDED}"
     if not teacher.endswith(SEEN):

@@ -173,6 +173,8 @@ def test_a_teacher_who_was_recorded_as_the_learner_has_a_noise_of_its_own(alike)
         assert score_dance(teacher, learner).scorer.noise == expected
         assert score_dance(teacher, learner, replace(OURS, noise=name)).scorer.noise == expected
         assert score_dance(performed(JOINTS_M), learner).scorer.noise == name
+    with pytest.raises(InputError, match="the estimator of the teacher's joints"):
+        score_dance(Performance(JOINTS_M, times_s, estimator="kinect"), performed(JOINTS_M))
 
 
 def test_the_doubt_of_a_part_is_that_of_the_frames_that_show_it():
