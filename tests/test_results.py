@@ -107,4 +107,5 @@ def test_the_readme_sums_the_dances_in_order_of_the_sets():
     stated = re.findall(r"\d+", text.replace("Eqs. 13 to 15", "").replace("[17]", ""))
     by_scorer = [number for of_scorer in zip(*composed, strict=True) for number in of_scorer]
     recorded = [number for estimator in ("truth", "network") for number in in_order(("recorded_2411",), estimator)]
-    assert [*map(int, stated)] == [120, *by_scorer, 40, *recorded]
+    in_profile = in_order(("recorded_2408",), "network")
+    assert [*map(int, stated)] == [120, *by_scorer, 40, *recorded, 40, *in_profile]

@@ -4,9 +4,9 @@
     PYTHONPATH=. python tools/measure_lessons.py --dances 60 70          # others, to choose something on
 
 The learners stand in rooms as those of `kpopnet teach`, each another person, and are found by the finder. They are scored as a
-lesson scores them: the joints of mode realtime beside the teacher's own, and beside the teacher as realtime sees them; and what
-the network alone sees beside the teacher as it sees them, as lessons do once `kpopnet teach see` was run. What was estimated of
-a learner is kept in a file. The dances are of the teacher's kind, and none of its collection.
+lesson scores them: the joints that it shows, with realtime's errors, beside the teacher's own and as realtime sees them; and
+what the network alone sees beside the teacher as it sees them, as lessons do once `kpopnet teach see` was run. What was
+estimated of a learner is kept in a file. The dances are of the teacher's kind, and none of its collection.
 """
 
 import argparse

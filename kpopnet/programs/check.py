@@ -9,7 +9,7 @@
 
 The script: 0 s the room is empty, 8 s come in, 14 s stand still, 21 s turn once around, 28 s raise both hands, 33 s sit down on
 a chair, 42 s leave, 52 s come back, 60 s end. A recording begins with it. The camera stands still. One person takes part.
-Joints come as in a lesson of `kpopnet teach`. docs/check.md says what each line means; exit code 0 whatever is missed.
+Joints come as in `kpopnet live`. docs/check.md says what each line means; exit code 0 whatever is missed.
 """
 
 import argparse

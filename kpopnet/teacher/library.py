@@ -174,8 +174,9 @@ _DANCE_SCHEMAS = {
 _SEEN_SCHEMA = {"errors_m": ArraySchema("f", ("D", "T", NUM_JOINTS, 3)), "of": ArraySchema("U", ())}
 
 SHOWN_BY, SEEN_AS = "realtime", "network"
-"""The estimator of lessons by depth camera; and whose joints are graded beside a teacher as they are seen: its network's alone,
-which err more like each other than those that the fit has moved to each person's own depth (docs/dance_scoring.md)."""
+"""Whose errors those of lessons by depth camera are, in mode best without later images; and whose joints are graded beside a
+teacher as they are seen: its network's alone, which err more like each other than those that the fit has moved to each person's
+own depth (docs/dance_scoring.md)."""
 
 
 def _digest(dancers: Sequence[TaughtDance]) -> str:

@@ -139,7 +139,7 @@ def held(library, monkeypatch, request):
         cameras.append(Unsteady(clock))
         return cameras[0]
 
-    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: Knowing(dance))
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: {"best": Knowing(dance)}[mode])
     people = getattr(request, "param", 1)  # whose scores are looked at: slowly, for slow machines
     lesson = Lesson("dance_001", to_s=4.0 if people == 1 else 2.5, people=people, speed=1.0 if people == 1 else 0.25)
     with serving(opener) as server:
@@ -150,7 +150,7 @@ def held(library, monkeypatch, request):
 
 def test_who_is_recorded_has_the_joints_of_every_image_told_and_others_do_not(library, monkeypatch):
     dance = library.dance("dance_001")
-    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: Knowing(dance))
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: {"best": Knowing(dance)}[mode])
     first = [[*map(float, point), 1.0] for point in dance.joints_m[0].astype(np.float64).round(4)]
     for record in (True, False):
         with serving(lambda lesson, dance, clock: Unsteady(clock)) as server:
