@@ -50,6 +50,8 @@ BONES = (
 )
 """(parent, child) pairs of the skeleton, in an order with parents before their children."""
 
+BONE_PARENTS, BONE_CHILDREN = np.array(BONES).T
+
 JOINT_GROUPS = {
     "head": (Joint.HEAD,),
     "neck": (Joint.NECK,),
@@ -68,3 +70,8 @@ _OTHER_SIDE = {"RIGHT": "LEFT", "LEFT": "RIGHT"}
 
 MIRROR = np.array([Joint["_".join(_OTHER_SIDE.get(word, word) for word in joint.name.split("_"))] for joint in Joint])
 """(15,) index of each joint's left-right counterpart: `joints[..., MIRROR, :]` swaps left and right."""
+
+
+def bone_lengths(joints: np.ndarray) -> np.ndarray:
+    """The (..., 14) lengths of the bones of (..., 15, 3) joints, in their unit; NaN where an end is missing."""
+    return np.linalg.norm(joints[..., BONE_PARENTS, :] - joints[..., BONE_CHILDREN, :], axis=-1)

@@ -21,11 +21,11 @@ from torch import Tensor, nn
 
 from kpopnet.errors import InputError
 from kpopnet.evaluation.intervals import Bootstrap, interval_of
-from kpopnet.networks.over_time import BASES, CHILDREN, FEATURES, PARENTS, Measured, OverTime, read
+from kpopnet.networks.over_time import BASES, FEATURES, Measured, OverTime, read
 from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.input_files import parsing
-from kpopnet.skeleton import MIRROR, NUM_JOINTS, Joint
+from kpopnet.skeleton import BONE_CHILDREN, BONE_PARENTS, MIRROR, NUM_JOINTS, Joint
 
 log = logging.getLogger(__name__)
 
@@ -122,7 +122,7 @@ def loss_of(joints_m: Tensor, logits: Tensor, true_m: Tensor, steps_s: Tensor) -
     error_m = (joints_m - true_m).norm(dim=-1)
     joint = nn.functional.smooth_l1_loss(100 * error_m, torch.zeros_like(error_m), beta=3.0)
     bones, true_bones = (
-        nn.functional.normalize(one[..., CHILDREN, :] - one[..., PARENTS, :], dim=-1) for one in (joints_m, true_m)
+        nn.functional.normalize(one[..., BONE_CHILDREN, :] - one[..., BONE_PARENTS, :], dim=-1) for one in (joints_m, true_m)
     )
     near = (steps_s[:, 1:] < 0.12).float()[..., None]
     moved_m, true_moved_m = (one[:, 1:] - one[:, :-1] for one in (joints_m, true_m))
@@ -170,7 +170,7 @@ def figures(joints_m: np.ndarray, film: dict[str, np.ndarray]) -> dict[str, tupl
     fast = np.linalg.norm(hand_m_s, axis=-1)
     moving = (fast > FAST_M_S[0]) & (fast < FAST_M_S[1]) & (error_m[:, HANDS] < 0.25)
     behind_s = -((joints_m - true_m)[:, HANDS] * hand_m_s).sum(axis=-1) / np.maximum(fast, FAST_M_S[0]) ** 2
-    bones, true_bones = (one[:, CHILDREN] - one[:, PARENTS] for one in (joints_m, true_m))
+    bones, true_bones = (one[:, BONE_CHILDREN] - one[:, BONE_PARENTS] for one in (joints_m, true_m))
     cosine = (bones * true_bones).sum(-1) / np.linalg.norm(bones, axis=-1) / np.linalg.norm(true_bones, axis=-1)
     at_rest, jitter_mm2 = rest(joints_m, film, near)
 

@@ -13,7 +13,7 @@ from kpopnet.networks import ModelConfig
 from kpopnet.networks.backend import Output, open_network
 from kpopnet.ridge import RidgeConfig, ridge_probability
 from kpopnet.runtime.input_files import settings_from
-from kpopnet.skeleton import BONES, MIRROR, Joint
+from kpopnet.skeleton import MIRROR, Joint, bone_lengths
 
 log = logging.getLogger(__name__)
 
@@ -29,8 +29,6 @@ CHILD_SIZE, MIN_SIZE = 0.85, 0.6
 
 SURFACE_OFFSET_M = 0.1
 """How much nearer the median point of a silhouette is than the mean of the joints: 9 cm in clean images, 14 in rooms."""
-
-PARENTS, CHILDREN = np.array(BONES).T
 
 CONFIDENCE_MARGIN = 0.03
 """The mean confidence in joints by which a crop that was turned has to exceed the crop as it is."""
@@ -106,7 +104,7 @@ class NetworkEstimator:
 
 def relative_sizes(joints_m: np.ndarray) -> np.ndarray:
     """The sum of the bones of (..., 15, 3) joints, as a share of the mean adult's: (...)."""
-    return np.linalg.norm(joints_m[..., PARENTS, :] - joints_m[..., CHILDREN, :], axis=-1).sum(axis=-1) / ADULT_M
+    return bone_lengths(joints_m).sum(axis=-1) / ADULT_M
 
 
 def second_cube(cube: Cube, joints_m: np.ndarray) -> Cube:

@@ -13,10 +13,9 @@ import numpy as np
 
 from kpopnet.estimator import FRAME_S
 from kpopnet.networks.layers import Layers
-from kpopnet.skeleton import BONES, MIRROR, NUM_JOINTS, Joint
+from kpopnet.skeleton import BONE_CHILDREN, BONE_PARENTS, BONES, MIRROR, NUM_JOINTS, Joint
 
 TRUNK = (Joint.NECK, Joint.TORSO, Joint.RIGHT_HIP, Joint.LEFT_HIP)
-PARENTS, CHILDREN = (np.array([int(bone[end]) for bone in BONES]) for end in (0, 1))
 
 TIME_CONSTANTS_S = np.array([0.04, 0.12, 0.4, 1.2])
 EXTRAPOLATED = 2
@@ -32,7 +31,7 @@ are measured anew."""
 POINTS = NUM_JOINTS + 1
 BASES = len(TIME_CONSTANTS_S) + EXTRAPOLATED + 3
 OWNERS = np.arange(NUM_JOINTS)
-OWNERS[CHILDREN] = PARENTS
+OWNERS[BONE_CHILDREN] = BONE_PARENTS
 """The joint that each hangs on; the torso's is itself."""
 
 KINDS = np.eye(POINTS)[:, np.unique(np.append(np.minimum(np.arange(NUM_JOINTS), MIRROR), NUM_JOINTS))]
@@ -109,14 +108,14 @@ class Averages:
         return self._sure / self._sure_weight - points_m
 
     def _along_bones(self, joints_m: np.ndarray, chance: np.ndarray, step_s: np.ndarray) -> np.ndarray:
-        bones_m = joints_m[..., CHILDREN, :] - joints_m[..., PARENTS, :]
+        bones_m = joints_m[..., BONE_CHILDREN, :] - joints_m[..., BONE_PARENTS, :]
         lengths_m = np.maximum(np.linalg.norm(bones_m, axis=-1, keepdims=True), SHORTEST_M)
-        weight = (chance[..., CHILDREN] * chance[..., PARENTS])[..., None] ** 4 + 1e-3
+        weight = (chance[..., BONE_CHILDREN] * chance[..., BONE_PARENTS])[..., None] ** 4 + 1e-3
         kept = np.where(step_s > ANOTHER_AFTER_S, 0.0, np.exp(-np.minimum(step_s, FORGET_S) / LENGTH_S))[..., None, None]
         self._length = kept * self._length + weight * lengths_m
         self._length_weight = kept * self._length_weight + weight
         found = np.zeros((*joints_m.shape[:-2], POINTS, 3))
-        found[..., CHILDREN, :] = bones_m * (self._length / self._length_weight / lengths_m - 1)
+        found[..., BONE_CHILDREN, :] = bones_m * (self._length / self._length_weight / lengths_m - 1)
         return found
 
 

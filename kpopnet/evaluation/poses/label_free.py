@@ -10,8 +10,7 @@ from kpopnet.camera import Camera
 from kpopnet.evaluation.acceptance.figures import ENDS
 from kpopnet.geometry.cones import body_segments, nearest_parts
 from kpopnet.geometry.depth_grid import MIN_POINTS, build_depth_grid
-from kpopnet.networks.over_time import CHILDREN, PARENTS
-from kpopnet.skeleton import NUM_JOINTS
+from kpopnet.skeleton import NUM_JOINTS, bone_lengths
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import MAX_RESIDUAL_M
 
@@ -42,7 +41,7 @@ def label_free(joints_m: np.ndarray, depth_m: np.ndarray, camera: Camera, fps: f
     in metres, 0 elsewhere.
     """
     joints_m = joints_m.astype(np.float64)
-    lengths_cm = 100 * np.linalg.norm(joints_m[:, CHILDREN] - joints_m[:, PARENTS], axis=-1)
+    lengths_cm = 100 * bone_lengths(joints_m)
     spread_cm = np.array([one[np.isfinite(one)].std() for one in lengths_cm.T if np.isfinite(one).sum() > 1])
     jitter_mm2 = _jitter_mm2(joints_m, round(REST_S * fps))
     spikes = np.linalg.norm(np.diff(joints_m, 2, axis=0), axis=-1) * fps**2
