@@ -41,9 +41,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from kpopnet.dance.performance import numbers, poses
+from kpopnet.dance.performance import confidences, poses
 from kpopnet.dance.vectors import at, cross, dot, in_frame, norm, plus, times, unit
-from kpopnet.errors import InputError, check_between, check_one_of
+from kpopnet.errors import check_between, check_one_of
 from kpopnet.skeleton import Joint
 
 TURN_WINDOW_S = 0.5
@@ -124,9 +124,7 @@ def dance_features(joints_m: np.ndarray, feature: str, fps: float, confidence: n
     check_one_of("feature", feature, FEATURES)
     check_between("fps", fps, LEAST_FPS, 1000)
     joints_m = poses(joints_m)
-    confidence = np.ones(joints_m.shape[:2]) if confidence is None else numbers("confidence", confidence)
-    if confidence.shape != joints_m.shape[:2]:
-        raise InputError(f"confidence of shape {confidence.shape}: expected one number a joint, {joints_m.shape[:2]}")
+    confidence = confidences(confidence, joints_m.shape[:2])
     names, compute, _ = FEATURES[feature]
     angles = compute(joints_m, fps)
     return Features(*angles, _angles_confidence(angles.angles_rad, confidence, names), joints_m)

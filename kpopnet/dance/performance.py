@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import ArrayLike
 
 from kpopnet.errors import InputError
-from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.skeleton import NUM_JOINTS, Joint, bone_lengths
 
 MAX_DURATION_S, MAX_TIME_S = 7200.0, 1e10
 """Longest dance, which bounds the memory of a comparison to a few hundred megabytes, and latest time on a clock: seconds since
@@ -39,6 +39,9 @@ KERNEL_RADIUS_S = max(3.0 * SMOOTHING_S, MAX_GAP_S)
 OUTLIER_M = 0.15
 """A sample at this distance from the first line has half its weight in the second fit. The distance is far beyond noise and
 beyond the deviation of a dance from a straight line."""
+
+LONGEST_M = 2.0
+"""No dancer's bones are longer, in the median; in centimetres they are 10 to 40, in millimetres hundreds."""
 
 TRUNK = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]
 DERIVED_M = 5e-4
@@ -85,6 +88,10 @@ class Performance:
             )
         self.times_s, self.estimator = times_s, estimator
         self.joints_m, self.confidence = mask_missing_joints(joints_m, confidence)
+        lengths_m = bone_lengths(self.joints_m)
+        known_m = lengths_m[np.isfinite(lengths_m)]
+        if len(known_m) and (length_m := np.median(known_m)) > LONGEST_M:
+            raise InputError(f"bones of {length_m:.3g} m in the median: expected metres; of millimetres give joints_m / 1000")
 
     def __len__(self) -> int:
         return len(self.times_s)
@@ -209,18 +216,23 @@ def poses(joints_m: ArrayLike) -> np.ndarray:
     return copy_m
 
 
+def confidences(given: ArrayLike | None, shape: tuple[int, ...]) -> np.ndarray:
+    """A float64 copy of confidences of a shape, 1 everywhere by default. Raises InputError for another, and outside 0..1."""
+    values = np.ones(shape) if given is None else numbers("confidence", given)
+    if values.shape != shape:
+        raise InputError(f"confidence of shape {values.shape}: expected one number a joint, {shape}")
+    if not ((values >= 0) & (values <= 1)).all():
+        raise InputError(f"confidence from {values.min()} to {values.max()}: expected numbers from 0 to 1")
+    return values
+
+
 def mask_missing_joints(joints_m: np.ndarray, confidence: ArrayLike | None) -> tuple[np.ndarray, np.ndarray]:
     """(..., 15, 3) joints with missing ones NaN, and (..., 15) float64 confidence in 0..1 with missing ones 0.
 
     A joint with a coordinate that is not finite, or of confidence 0, is missing; None is a confidence of 1 everywhere. Raises
     InputError for other confidence, and for coordinates with which no sum would be finite.
     """
-    shape = joints_m.shape[:-1]
-    values = np.ones(shape) if confidence is None else numbers("confidence", confidence)
-    if values.shape != shape:
-        raise InputError(f"confidence of shape {values.shape}: expected one number a joint, {shape}")
-    if not ((values >= 0) & (values <= 1)).all():
-        raise InputError(f"confidence from {values.min()} to {values.max()}: expected numbers from 0 to 1")
+    values = confidences(confidence, joints_m.shape[:-1])
     missing = np.logical_not(np.isfinite(joints_m).all(axis=-1)) | (values == 0)
     if (largest := np.abs(joints_m[~missing]).max(initial=0)) > MAX_COORDINATE:
         raise InputError(f"a coordinate of {largest:g}: expected at most {MAX_COORDINATE:g} metres")

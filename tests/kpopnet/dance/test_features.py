@@ -112,6 +112,7 @@ def test_joints_that_no_angle_needs_lower_no_confidence():
         (lambda: dance_features(JOINTS_M[..., :2], "dance22", FPS), r"joints of shape \(.*, 15, 2\): expected \(frames, "),
         (lambda: dance_features(np.ma.masked_array(JOINTS_M), "dance22", FPS), "joints: a masked array"),
         (lambda: dance_features(JOINTS_M, "raptis", FPS, np.ones(15)), r"confidence of shape \(15,\): expected one number"),
+        (lambda: dance_features(JOINTS_M, "raptis", FPS, np.full(JOINTS_M.shape[:2], 90)), "from 90.0 to 90.0: .* 0 to 1"),
         (lambda: dance22_features(JOINTS_M[0]), r"joints of shape \(15, 3\): expected"),
         (lambda: raptis_features("joints.npz"), "joints: expected an array of numbers"),
     ],

@@ -7,6 +7,7 @@ from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.errors import InputError
+from kpopnet.skeleton import Joint
 
 JOINTS_M = dance_joints_m(0, 4.0)
 TIMES_S = np.arange(len(JOINTS_M)) / 30
@@ -68,6 +69,16 @@ def test_a_dance_on_an_absolute_clock_begins_with_its_first_frame_or_with_the_da
         performance.from_absolute_clocks(dances[0])
     with pytest.raises(InputError, match="are they seconds"):
         performance.Performance(JOINTS_M, 1000 * (1.7e9 + TIMES_S))
+
+
+@pytest.mark.parametrize("unit", [100, 1000])
+def test_a_dance_in_centimetres_or_millimetres_is_refused_and_a_giant_in_metres_is_not(unit):
+    dance_m = dance_joints_m(0, 4.0)
+    times_s = np.arange(len(dance_m)) / 30
+    for in_metres in (dance_m, 5 * dance_m, np.where(np.arange(15)[:, None] == Joint.HEAD, 1000 * dance_m, dance_m)):
+        Performance(in_metres, times_s)
+    with pytest.raises(InputError, match=r"bones of \d+(\.\d+)? m in the median: expected metres; of millimetres give"):
+        Performance(unit * dance_m, times_s)
 
 
 def test_what_is_no_dance_is_refused_in_one_line_online_and_offline():
