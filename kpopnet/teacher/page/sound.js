@@ -47,6 +47,7 @@ export class Sound {
   follow({ audio, at_s, rate }, in_s) {
     audio.pause(); // it may play since its beats were tapped
     const wait_s = Math.max(in_s - at_s / rate, 0), from_s = at_s - (in_s - wait_s) * rate, start = performance.now() + 1000 * wait_s;
+    if (from_s >= audio.duration) return; // a browser would play it from its begin; the duration is NaN until it is known
     this.song = Object.assign(audio, { playbackRate: rate, preservesPitch: true, currentTime: from_s });
     const due_s = () => from_s + rate * (performance.now() - start) / 1000;
     this.timer = setTimeout(async () => {
@@ -82,7 +83,7 @@ export class Sound {
     clearTimeout(this.timer);
     for (const source of this.sources) source.stop();
     this.sources = [];
-    this.song?.pause();
+    if (this.song) Object.assign(this.song, { playbackRate: 1 }).pause(); // it may be heard by itself, while its beats are tapped
     this.song = null;
   }
 }

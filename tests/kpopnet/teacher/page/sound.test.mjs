@@ -78,16 +78,26 @@ test("a song plays as fast as the dance, from where it meets the dance's first b
     assert.ok(Math.abs(audio.playbackRate - rate) < 1e-9, `${behind_s}: ${audio.playbackRate}`);
   }
   sound.stop();
-  audio.playbackRate = 1; // its beats are tapped next
   await later(1000);
-  assert.deepEqual([heard.at(-1), audio.playbackRate], ["paused", 1]);
+  assert.deepEqual([heard.at(-1), audio.playbackRate], ["paused", 1]); // its beats are tapped next
   play(1);
   t.mock.timers.tick(2300);
   sound.stop(); // before the browser has begun to play
-  await later(0);
-  audio.playbackRate = 1;
   await later(1000);
   assert.equal(audio.playbackRate, 1);
+});
+
+test("a song that has ended where the dance begins is not heard from its begin", async (t) => {
+  t.mock.timers.enable({ apis: ["setTimeout", "setInterval"] });
+  const sound = new Sound(), heard = [];
+  sound.wake();
+  for (const [at_s, duration] of [[40, 30], [40, NaN], [20, 30]]) {
+    const audio = { duration, pause() {}, play: async () => heard.push(`${at_s} of ${duration}`) };
+    sound.play({ in_s: 2.3, from_s: 28, to_s: 40, beat_s: 0.5, speed: 1, counts: 4, music: { audio, at_s, rate: 1 } });
+    t.mock.timers.tick(3000);
+  }
+  assert.deepEqual(heard, ["40 of NaN", "20 of 30"]);
+  sound.stop();
 });
 
 test("a loop is as fast as the dance, begins where the excerpt does, and ends with it", () => {
