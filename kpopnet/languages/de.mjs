@@ -335,6 +335,8 @@ export default {
   "the process that watches you does not answer; close this page and open it again": "der Prozess, der dir zusieht, antwortet nicht; schließe diese Seite und öffne sie wieder",
   "the process that watches you has ended; start the dance again": "der Prozess, der dir zusieht, ist beendet; starte den Tanz noch einmal",
   "the page asks for something unknown; reload it": "die Seite fragt nach etwas Unbekanntem; lade sie neu",
+  "open the address that the program printed, with its token": "öffne die Adresse, die das Programm ausgegeben hat, samt ihrem Token",
+  "too many connections; close other windows of this page, and load it again": "zu viele Verbindungen; schließe andere Fenster dieser Seite und lade sie neu",
   "there is no such source of depth": "diese Kamera gibt es nicht",
   "there is no such dance": "diesen Tanz gibt es nicht",
   "there is no dance {name}": "den Tanz {name} gibt es nicht",

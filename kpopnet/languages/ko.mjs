@@ -335,6 +335,8 @@ export default {
   "the process that watches you does not answer; close this page and open it again": "춤을 보는 프로그램이 응답하지 않아요. 이 페이지를 닫았다가 다시 여세요",
   "the process that watches you has ended; start the dance again": "춤을 보는 프로그램이 종료됐어요. 춤을 다시 시작하세요",
   "the page asks for something unknown; reload it": "페이지가 알 수 없는 요청을 했어요. 새로고침하세요",
+  "open the address that the program printed, with its token": "프로그램이 출력한 주소를 토큰까지 그대로 여세요",
+  "too many connections; close other windows of this page, and load it again": "연결이 너무 많아요. 이 페이지의 다른 창을 닫고 새로고침하세요",
   "there is no such source of depth": "그런 카메라가 없어요",
   "there is no such dance": "그런 춤이 없어요",
   "there is no dance {name}": "춤을 찾을 수 없어요: {name}",

@@ -25,21 +25,24 @@ function unanswered() {
   throw new Error(say("the teacher's program does not answer; is it still running?"));
 }
 
-export async function ask(path, options = {}) {
+// The server's answer; throws what a refusal says, as JSON or in plain text.
+async function answered(path, options) {
   const response = await fetch(path, options).catch(unanswered);
-  const type = response.headers.get("content-type") || "";
-  const content = type.includes("json") ? await response.json() : { error: (await response.text()).trim() };
-  if (!response.ok) throw new Error(say(content.error || response.statusText));
-  return content;
+  if (response.ok) return response;
+  const type = response.headers.get("content-type") || "", text = type.includes("json") ? (await response.json()).error : (await response.text()).trim();
+  throw new Error(say(text || response.statusText));
+}
+
+export async function ask(path, options = {}) {
+  return (await answered(path, options)).json();
 }
 
 // Follows work on the server, which tells line by line how much of it is done, from 0 to 1, or what went wrong.
 export async function followed(path, signal, show) {
-  const response = await fetch(path, { method: "POST", signal }).catch(unanswered);
-  if (!response.ok) throw new Error(say((await response.json()).error));
-  const reader = response.body.getReader(), letters = new TextDecoder();
+  const response = await answered(path, { method: "POST", signal }), reader = response.body.getReader(), letters = new TextDecoder();
+  const next = () => reader.read().catch((error) => { if (signal.aborted) throw error; unanswered(); });
   let text = "", done = 0;
-  for (let part = await reader.read(); !part.done; part = await reader.read()) {
+  for (let part = await next(); !part.done; part = await next()) {
     text += letters.decode(part.value, { stream: true });
     const lines = text.split("\n");
     text = lines.pop();

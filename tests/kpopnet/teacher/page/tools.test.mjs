@@ -77,6 +77,15 @@ const telling = (texts, status = 200) => {
   globalThis.fetch = async () => new Response(body, { status });
 };
 
+test("a refusal in plain text, and a connection that is cut, are told in the page's words", async () => {
+  globalThis.fetch = async () => new Response("open the address\n", { status: 403 });
+  const follow = (signal = new AbortController().signal) => followed("/api/film", signal, () => {});
+  for (const asked of [ask("/api/dances"), follow()]) await assert.rejects(asked, { message: "open the address" });
+  globalThis.fetch = async () => new Response(new ReadableStream({ pull(stream) { stream.error(new TypeError("network error")); } }));
+  await assert.rejects(follow(), { message: "the teacher's program does not answer; is it still running?" });
+  await assert.rejects(follow(AbortSignal.abort()), { message: "network error" }); // who ended it knows
+});
+
 test("work on the server is followed line by line to its end", async () => {
   telling(['{"fraction": 0}\n{"fra', 'ction": 0.5}\n', '{"fraction": 1}\n']);
   const seen = [];
