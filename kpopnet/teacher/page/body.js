@@ -172,6 +172,7 @@ export class View {
     this.camera = new PerspectiveCamera(FIELD_DEG, 4 / 3, 0.1, 60);
     this.camera.position.set(0, 1.25, 3.6);
     this.controls = new OrbitControls(this.camera, canvas);
+    canvas.style.touchAction = "pan-y"; // sideways the view is turned; up and down the page is scrolled, which it may fill
     this.controls.target.set(0, 0.92, 0);
     this.controls.maxPolarAngle = 1.6;
     this.controls.minDistance = 1.5;

@@ -74,6 +74,7 @@ export async function calibrate(main) {
   }
 
   function frame(content, picture) {
+    if (!state.running) return; // as in `done`
     learner.show(picture, content, true);
     tell(guide, say(content.guidance));
   }

@@ -81,7 +81,11 @@ export const watching = (dance, source) => ({ do: "prepare", lesson: { dance: da
 export function watch(dance, source) {
   if (!handsFree() || !dance) return () => {};
   const told = ({ text }) => rest(say(text));
-  const live = liveFor({ frame: ({ joints }) => follow(joints, true, performance.now()), away: told, error: told,
+  const failed = (message) => {
+    live.send({ do: "stop" }); // a webcam would go on sending pictures, and each would be refused in other words
+    told(message);
+  };
+  const live = liveFor({ frame: ({ joints }) => follow(joints, true, performance.now()), away: told, error: failed,
     lost: () => rest(say("the teacher's program does not answer; is it still running?")) });
   live.send(watching(dance, source));
   let ended = false;

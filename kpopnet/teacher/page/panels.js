@@ -72,12 +72,14 @@ export function panels(main, dance, parts, song) {
     members: el("ol", { id: "members" }), bars: partBars(),
   };
   shown.preparing = el("div", { id: "preparing", hidden: true }, shown.preparingText, shown.bar);
-  shown.stage = el("div", { class: "stage", id: "stage" },
+  shown.stage = el("div", { class: "stage", id: "stage" }, // all that is told while one dances: in full screen nothing else is drawn
+    shown.preparing, shown.error, shown.beginNow,
     el("div", { class: "floor" },
       el("div", { class: "panel" }, shown.teacher, el("span", { class: "tag" }, `${say("teacher")} `, shown.time), shown.count),
       el("div", { class: "panel seen" }, shown.learner, el("span", { class: "tag" }, `${say("you")} `, shown.age), shown.guide)),
     shown.lane,
     el("div", { class: "told" }, el("div", {}, shown.score, shown.stars, shown.streak), el("div", {}, shown.verdict, shown.words, shown.members, shown.practice)));
+  parts.full.hidden = !shown.stage.requestFullscreen; // as on an iPhone
   const latency = el("p", { class: "quiet", id: "latency" });
   const chosen = () => {
     parts.people.disabled = alone(parts.source.value);
@@ -95,8 +97,8 @@ export function panels(main, dance, parts, song) {
     el("div", { class: "controls" }, parts.start, parts.pause, el("label", {}, say("speed"), parts.speed), el("label", {}, say("dance"), parts.phrase),
       el("label", {}, say("practise"), parts.practise), el("label", {}, parts.loop, say("loop")), el("label", {}, parts.mirrored, say("as in a mirror")),
       el("label", {}, say("music"), parts.music), el("label", {}, say("camera"), parts.source), el("label", {}, say("learners"), parts.people),
-      el("label", { hidden: !dance.others.length }, say("dancer"), parts.dancer), parts.full, shown.beginNow),
-    song, withoutDepth(parts.source), shown.preparing, shown.error,
+      el("label", { hidden: !dance.others.length }, say("dancer"), parts.dancer), parts.full),
+    song, withoutDepth(parts.source),
     shown.stage,
     shown.bars.list,
     simulated,

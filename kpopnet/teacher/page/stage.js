@@ -127,7 +127,7 @@ export async function stage(main, identity, wanted) {
 
   function fullScreen() {
     if (document.fullscreenElement) document.exitFullscreen();
-    else shown.stage.requestFullscreen().catch(({ message }) => { shown.error.textContent = message; });
+    else shown.stage.requestFullscreen?.().catch(({ message }) => { shown.error.textContent = message; });
   }
 
   // Practising is of one phrase: the first, unless one is chosen.
@@ -241,7 +241,7 @@ export async function stage(main, identity, wanted) {
     live.send({ do: what, in_s: in_s + (resumed_s - from_s) / state.speed });
     sound.play({
       in_s: (state.start - performance.now()) / 1000, from_s, to_s: state.to_s, beat_s, speed: state.speed, counts: COUNTS,
-      music: parts.music.value === "song" ? songAt(from_s / ratio, state.speed / ratio) || "tick" : parts.music.value,
+      music: parts.music.value === "song" ? songAt(from_s / ratio, state.speed / ratio, identity) || "tick" : parts.music.value,
     });
   }
 
@@ -251,13 +251,14 @@ export async function stage(main, identity, wanted) {
   }
 
   function frame(content, picture) {
+    if (!state.running && !handsFree()) return; // it was on its way when the dance was stopped
     const everybody = [content, ...(content.others || [])], all = everybody.every(({ joints }) => joints);
     const people = everybody.length > 1 ? everybody.map((one, k) => ({ ...one, outline: OF_LEARNERS[k] })) : everybody;
     learner.show(picture, { people }, parts.mirrored.checked);
     everybody.forEach(({ so_far, time_s }, k) => {
       if (members[k] && time_s !== null) [members[k].score.textContent, members[k].stars.textContent] = [pointsOf(so_far), starsOf(so_far)];
     });
-    tell(shown.guide, say(content.guidance));
+    if (state.running) tell(shown.guide, say(content.guidance));
     if (state.place && !shown.beginNow.hidden) {
       tell(shown.words, say(all ? "there you are" : "stand before the camera: the dance begins when you are seen"));
       if (state.place.see({ ...content, joints: all ? content.joints : null }, performance.now())) begin();
@@ -265,7 +266,7 @@ export async function stage(main, identity, wanted) {
     if (hands.see(content.joints, performance.now(), state.speed)) pause();
     letChoose(choices());
     follow(content.joints, parts.mirrored.checked, performance.now());
-    if (content.time_s === null) return;
+    if (!state.running || content.time_s === null) return;
     shown.stars.textContent = starsOf(content.so_far);
     shown.score.textContent = pointsOf(content.so_far);
     tell(shown.words, say(content.words) === state.reason ? "" : say(content.words)); // the verdict says it already

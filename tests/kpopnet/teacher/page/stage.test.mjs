@@ -186,6 +186,15 @@ test("the dancers of a group stand in their rows, and the left key turns them to
   assert.ok(view.closed);
 });
 
+test("what is told while a dance is prepared, and how it is begun, stands in what full screen shows", async () => {
+  const { get, leave } = await opened(), inside = allOf(get("stage")).map(({ id }) => id);
+  assert.deepEqual(["preparing", "error", "begin", "guide", "words"].filter((id) => !inside.includes(id)), []);
+  assert.equal(get("full").hidden, true); // this browser has no full screen
+  listeners.keydown({ key: "f", code: "KeyF", target: { closest: () => null }, preventDefault() {} });
+  assert.equal(get("error").textContent, "");
+  leave();
+});
+
 test("a practice that was stopped leaves the learner's own speed, and does not begin again by itself", async () => {
   remember("speed", 90);
   location.hash = "#/dance/own_001?phrase=1&practise=80&go&dancer=0";
@@ -204,7 +213,8 @@ test("what was on its way when the dance was stopped changes nothing", async () 
   location.hash = "#/dance/own_001";
   told(DONE);
   told({ kind: "paused", from_s: 3 });
-  assert.deepEqual([location.hash, get("words").textContent, get("start").textContent], ["#/dance/own_001", "", "Start"]);
+  pointing({ guidance: "step back", words: "left arm too low", time_s: 3 });
+  assert.deepEqual([location.hash, get("words").textContent, get("guide").textContent, get("start").textContent], ["#/dance/own_001", "", "", "Start"]);
   leave();
 });
 
@@ -438,6 +448,7 @@ test("a camera that is away or fails, and a program that has ended, hide what a 
     told({ kind: text.startsWith("the camera") ? "away" : "error", text });
     assert.deepEqual(shown(), [true, false, text]);
   }
+  assert.equal(sent.at(-1).do, "stop"); // a webcam would be asked about on and on
   pointing();
   heard.close();
   assert.deepEqual(shown().slice(0, 2), [true, false]);
