@@ -25,7 +25,7 @@ async function find(who) {
     if (names[who]) found = { who, ...(await ask(`/api/profiles/${who}`)) };
     else remember("who", ""); // deleted in another window
   }
-  label.textContent = found ? found.name : say("Who dances?");
+  if (remembered("who", "") === (found?.who ?? "")) label.textContent = found ? found.name : say("Who dances?"); // not another one by now
   return found;
 }
 

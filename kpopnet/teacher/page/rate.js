@@ -52,6 +52,7 @@ function rating(main, rater) {
   const panels = Object.fromEntries(Object.keys(SIDES).map((side) => [side, el("canvas", { role: "img", "aria-label": `${SIDES[side]}, in 3D` })]));
   const answers = Object.fromEntries(Object.entries(CHOICES).map(([choice, text]) =>
     [choice, el("button", { type: "button", id: choice, class: choice === "equal" ? "" : "main", onclick: () => say(choice) }, text)]));
+  const retry = el("button", { type: "button", id: "retry", hidden: true, onclick: () => load() }, "Try again");
   const undo = el("button", { type: "button", id: "undo", onclick: () => say("") }, "Take the last answer back");
   const play = el("button", { type: "button", id: "play", onclick: () => toggle() }, "Play");
   const again = el("button", { type: "button", id: "again", onclick: () => begin() }, "From the start");
@@ -68,7 +69,7 @@ function rating(main, rater) {
     el("p", { class: "quiet" }, "Orange is the dancer's right, blue the left. Drag or use the keys a and d to turn all three, scroll to zoom. ",
       "Keys: ← left is better, → right is better, ↓ equal or unsure, space plays and pauses, r from the start, backspace takes the last answer back. ", lettersSwitch()));
   const state = { time_s: 0, from_s: 0, to_s: 0, done: 0, playing: false, busy: true, last: 0 };
-  main.replaceChildren(el("h1", {}, "Which learner dances more like the teacher?"), told, bar, error, stage,
+  main.replaceChildren(el("h1", {}, "Which learner dances more like the teacher?"), told, bar, error, retry, stage,
     el("p", { class: "controls" }, undo, el("a", { href: "#" }, `Not ${rater}?`)));
   const shown = views(panels);
   document.addEventListener("keydown", onKey);
@@ -77,6 +78,8 @@ function rating(main, rater) {
 
   async function load() {
     state.busy = true;
+    retry.hidden = true;
+    error.textContent = "";
     try {
       const found = await ask(`/api/pair?rater=${encodeURIComponent(rater)}`);
       const over = found.done === found.of;
@@ -96,6 +99,7 @@ function rating(main, rater) {
       state.playing = !matchMedia("(prefers-reduced-motion: reduce)").matches;
     } catch (problem) {
       error.textContent = problem.message;
+      [stage.hidden, undo.disabled, retry.hidden] = [true, true, false]; // the pair that is shown is not the one that is asked about
     }
   }
 

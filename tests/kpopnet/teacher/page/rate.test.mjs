@@ -8,12 +8,13 @@ const packed = (array) => btoa(String.fromCharCode(...new Uint8Array(array.buffe
 // A movement of two frames half a second apart whose joints are at a place, the first one later beside it; the last one is missing.
 const moving = (x_mm) => ({ fps: 2, begin_s: 3, joints_mm: packed(new Int16Array([0, 100].flatMap((later) => [x_mm + later, 1000, 0, ...Array(39).fill(x_mm), ...Array(3).fill(-32768)]))) });
 const main = document.createElement("main"), sent = [], answers = [], listeners = {};
-let now_ms = 1000, done = 0, draw;
+let now_ms = 1000, done = 0, draw, damaged = false;
 mock.method(performance, "now", () => now_ms);
 Object.assign(document, { getElementById: () => main, addEventListener: (kind, listener) => { listeners[kind] = listener; }, activeElement: null });
 Object.assign(globalThis, {
   location: { hash: "#eve%201" }, addEventListener() {}, matchMedia: () => ({ matches: false }), requestAnimationFrame: (call) => { draw = call; },
   fetch: async (path, { body } = {}) => {
+    if (!body && damaged) return Response.json({ error: "left.npz: damaged" }, { status: 400 });
     if (!body) return Response.json({ done, of: 3, from_s: 3, to_s: 4, left: moving(-500), teacher: moving(0), right: moving(700) });
     sent.push(JSON.parse(body));
     return new Promise((answer) => { answers.push(answer); });
@@ -71,7 +72,16 @@ test("an answer is what its key and its button say, is given once, and again if 
   press("Backspace");
   assert.equal(sent.pop().choice, "");
   done -= 2;
+  damaged = true;
   await answered({});
+  const shown = () => [get("error").textContent, get("retry").hidden, get("undo").disabled];
+  assert.deepEqual(shown(), ["left.npz: damaged", false, true]);
+  press("ArrowLeft");
+  assert.deepEqual(sent, []); // no pair is shown
+  damaged = false;
+  get("retry").click();
+  await settled();
+  assert.deepEqual(shown(), ["", true, false]);
   assert.match(get("told").textContent, /^Pair 2 of 3/);
   for (const choice of ["left", "right"]) {
     get(choice).click();

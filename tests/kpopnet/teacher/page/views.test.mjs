@@ -11,7 +11,7 @@ const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
 const { inOrder, menu } = await import(`${PAGE}menu.js`);
 const { greeting, myself, profilePage } = await import(`${PAGE}mine.js`);
 const { line } = await import(`${PAGE}result.js`);
-const { songAt, songPanel, songTempo } = await import(`${PAGE}song.js`);
+const { keepBegin, songAt, songPanel, songTempo } = await import(`${PAGE}song.js`);
 const { partBars, remember } = await import(`${PAGE}tools.js`);
 
 const OFFER = { sources: { simulated: "a simulated learner" }, skills: ["good"], faults: [""] };
@@ -86,6 +86,24 @@ test("the header and the menu ask for the profile once, and again when it has ch
   assert.equal(asked.length, 4);
   localStorage.setItem("teach.who", '""');
   assert.equal(await myself(), null);
+});
+
+test("the header keeps the name of who was chosen last, whatever answer comes later", async () => {
+  const label = document.createElement("a"), answers = [], found = document.getElementById;
+  document.getElementById = () => label;
+  globalThis.fetch = (path) => (path === "/api/profiles" ? Promise.resolve(Response.json({ p_a: "Ann", p_b: "Bo" })) : new Promise((take) => { answers.push(take); }));
+  const asked = ["p_a", "p_b"].map((who) => { localStorage.setItem("teach.who", JSON.stringify(who)); return myself(); });
+  await new Promise(globalThis.setImmediate);
+  const reply = (name) => Response.json({ name, dances: [] });
+  answers[1](reply("Bo"));
+  await asked[1];
+  answers[0](reply("Ann"));
+  await asked[0];
+  assert.equal(label.textContent, "Bo");
+  localStorage.setItem("teach.who", '""');
+  await myself();
+  assert.equal(label.textContent, "Who dances?");
+  document.getElementById = found;
 });
 
 test("a name that a Mac wrote is found as it is typed", async () => {
@@ -180,6 +198,9 @@ test("taps on the beats, from the one on, say them, again after a pause; the one
   assert.equal(get("song-told").textContent, "3 of 4 taps");
   tap(3.5);
   assert.deepEqual([beats(), changed], [[120, 2, 0.8], 2]);
+  keepBegin("own_1", "tapped", 8); // it was recorded to this song, and cut
+  keepBegin("own_2", "another", 8);
+  assert.deepEqual(["own_1", "own_2", "own_3"].map((identity) => songAt(3, 1, identity).at_s), [13, 5, 5]);
   tap(10, 10.6, 11.2, 11.8);
   assert.deepEqual(beats(), [100, 10, 0.8]);
   for (const [id, one_s] of [["later", 10.6], ["bar", 13], ["earlier", 12.4]]) {
