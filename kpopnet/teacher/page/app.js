@@ -10,9 +10,11 @@ import { ask, el, remember, remembered } from "./tools.js";
 import { LANGUAGES, language, say } from "./words.js";
 
 const main = document.getElementById("main");
-let leave = null, turn = 0;
+const BEGUN = "begun";
+let leave = null, turn = 0; // what ends the view, and whether it `stays` when another one is asked for
 
-// `moved`: the address has changed. What had the focus is gone then: reading goes on at the new view's heading.
+// `moved`: the address has changed. What had the focus is gone then: reading goes on at the new view's heading. A dance that began
+// by itself does so again by a reload, but not when one comes back to it.
 async function show(moved) {
   const mine = ++turn;
   if (leave) leave();
@@ -28,8 +30,12 @@ async function show(moved) {
     else if (kind === "me") end = await profilePage(place);
     else if (kind === "record") end = await record(place);
     else if (kind === "calibrate") end = await calibrate(place);
-    else if (kind === "dance" && identity) end = await stage(place, identity, new URLSearchParams(query));
-    else end = await menu(place);
+    else if (kind === "dance" && identity) {
+      const wanted = new URLSearchParams(query);
+      if (moved && history.state === BEGUN) wanted.delete("go");
+      else if (wanted.has("go")) history.replaceState(BEGUN, "");
+      end = await stage(place, identity, wanted);
+    } else end = await menu(place);
     if (mine === turn) leave = end;
     else end();
   } catch (error) {
@@ -93,6 +99,10 @@ document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault(); // #main is no view
   main.focus();
 });
-addEventListener("hashchange", show);
+// By a link, the Back key or a hand; a view that would lose something may ask first, and stay.
+addEventListener("hashchange", (event) => {
+  if (leave?.stays?.()) history.pushState(null, "", event.oldURL);
+  else show(event);
+});
 myself().catch(() => {}); // whose name the header shows
 show();

@@ -3,7 +3,7 @@ import { chosenSource, recordable, watching } from "./hands.js";
 import { LearnerView } from "./learner.js";
 import { liveFor } from "./live.js";
 import { MUSIC, choice } from "./panels.js";
-import { songAt, songPanel, songTempo } from "./song.js";
+import { keepBegin, songAt, songName, songPanel, songTempo } from "./song.js";
 import { Sound } from "./sound.js";
 import { sketch } from "./sketch.js";
 import { ask, clamp, clock, el, latencyOf, remember, remembered, tell } from "./tools.js";
@@ -28,7 +28,7 @@ export async function record(main) {
   if (!main.isConnected) return () => {}; // the page shows another view by now, which has the connection
   const dance = dances.find(({ broken }) => !broken), sources = recordable(offer.sources); // every lesson is of a dance
   if (!dance || !Object.keys(sources).length) throw new Error(say("there is no camera that could record you"));
-  const sound = new Sound(), state = { running: false, start: 0, frames: [], seconds: 0, saving: false, closed: false };
+  const sound = new Sound(), state = { running: false, start: 0, frames: [], seconds: 0, song: "", saving: false, closed: false };
   const source = choice("source", Object.entries(sources).map(([key, text]) => [key, say(text)]), chosenSource(sources));
   const music = choice("music", MUSIC, remembered("music", "tick")), tempo = el("input", { type: "number", id: "bpm", min: 40, max: 240, value: USUAL_BPM });
   const song = songPanel(heard), start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.running ? stop("") : begin()) }, say("Record"));
@@ -60,8 +60,6 @@ export async function record(main) {
   document.addEventListener("keydown", onKey);
   const unsaved = () => state.running || !editor.hidden; // a dance that would be lost
   globalThis.onbeforeunload = (event) => { if (unsaved()) event.preventDefault(); };
-  const onLink = (event) => { if (unsaved() && event.target.closest("a[href^='#']") && !globalThis.confirm(say("Leave without saving your dance?"))) event.preventDefault(); };
-  document.addEventListener("click", onLink);
   const onDrag = (event) => {
     const [dropped] = event.dataTransfer.files;
     if (event.type === "drop" && dropped) {
@@ -75,15 +73,14 @@ export async function record(main) {
   music.addEventListener("change", heard);
   heard();
   requestAnimationFrame(animate);
-  return () => {
+  return Object.assign(() => {
     state.closed = true;
     document.removeEventListener("keydown", onKey);
-    document.removeEventListener("click", onLink);
     globalThis.onbeforeunload = null;
     for (const kind of ["dragover", "drop"]) document.removeEventListener(kind, onDrag);
     sound.close();
     live.leave();
-  };
+  }, { stays: () => unsaved() && !globalThis.confirm(say("Leave without saving your dance?")) });
 
   function heard() {
     song.panel.hidden = music.value !== "song";
@@ -124,7 +121,7 @@ export async function record(main) {
   }
 
   function lead(now) {
-    state.beat_s = beat_s(); // whatever the field says later
+    Object.assign(state, { beat_s: beat_s(), song: music.value === "song" ? songName() : "" }); // whatever is chosen later
     const in_s = COUNTS * state.beat_s + 0.3;
     state.start = now + 1000 * in_s;
     told.textContent = say("dance from the one on");
@@ -175,7 +172,10 @@ export async function record(main) {
     const query = new URLSearchParams({ title: name.value.trim() || say("My dance"), bpm: 60 / state.beat_s });
     try {
       const { identity } = await ask(`/api/recordings?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, ...bounds())) });
-      if (!state.closed) location.hash = `#/dance/${identity}`;
+      if (state.song) keepBegin(identity, state.song, bounds()[0]);
+      if (state.closed) return;
+      editor.hidden = true; // nothing is unsaved
+      location.hash = `#/dance/${identity}`;
     } catch ({ message }) {
       failed.textContent = message;
       told.textContent = "";

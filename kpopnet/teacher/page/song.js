@@ -10,9 +10,18 @@ let turn = 0; // of the songs that were chosen: what becomes known of an earlier
 let newest = null; // panel, where it is told: the song may have been chosen in a view that was left
 
 // Where a dance's excerpt begins in the song and how fast the song plays; null without a song. `song_s` are seconds of the song
-// from the one, `speed` that of the song.
-export const songAt = (song_s, speed) => (song.bpm ? { audio, at_s: Math.max(song.one_s + song_s, 0), rate: speed } : null);
+// from where the dance begins in it, `speed` that of the song.
+export const songAt = (song_s, speed, identity = "") =>
+  (song.bpm ? { audio, at_s: Math.max(song.one_s + begins(identity) + song_s, 0), rate: speed } : null);
 export const songTempo = () => song.bpm;
+export const songName = () => song.name;
+
+// A dance begins on the song's one, but for one that was recorded to this song and begins where it was cut.
+export const keepBegin = (identity, name, from_s) => remember(`begins.${identity}`, { name, from_s });
+const begins = (identity) => {
+  const kept = remembered(`begins.${identity}`, null);
+  return kept?.name === song.name ? kept.from_s : 0;
+};
 
 // The beats of mono samples, found beside the page, which would stand still for seconds: see `beatsOf`.
 function beatsBeside(samples) {

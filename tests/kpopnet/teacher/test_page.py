@@ -136,6 +136,13 @@ def test_a_dance_from_the_menu_to_its_result_and_practice_and_all_of_it_in_korea
     assert browser.find("#practise").get_attribute("value") == "80" and browser.find("#speed").get_attribute("value") == "75"
     browser.refresh()
     browser.reads("#start", "Stop")
+    browser.execute_script("location.hash = '#/'")
+    browser.find(".card")
+    browser.back()
+    browser.find("#practise option[value='80']")
+    assert browser.find("#start").text == "Start"  # nor does it for who comes back
+    browser.find("#start").send_keys(Keys.ENTER)
+    browser.reads("#start", "Stop")
     browser.find("#start").send_keys(Keys.ENTER)
     assert browser.find("#start").text == "Start" and browser.find("#error").text == ""
     assert browser.find("#speed").get_attribute("value") == "50"  # as it was chosen before

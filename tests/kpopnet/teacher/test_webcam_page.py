@@ -78,6 +78,14 @@ def test_a_learner_before_a_webcam_is_scored_by_joints_near_the_true_ones(librar
         time.sleep(1)
         assert len(heard) <= asked_after + 1  # a lesson that ends lets go of the webcam
         assert browser.find("#error").text == ""
+        browser.execute_script("location.hash = '#/record'; window.asked = 0; window.confirm = () => asked++ > 0")
+        browser.find("#bpm")
+        browser.find("#start").click()
+        browser.back()  # a dance that is recorded would be lost
+        browser.until(lambda one: one.execute_script("return asked") == 1)
+        assert browser.current_url.endswith("#/record") and browser.find("#start").text == "Stop"
+        browser.back()
+        browser.find("#practise")
         with closing(socket.create_server(("127.0.0.1", 0))) as other:
             left, refused, policy = browser.execute_async_script(LEAVE, f"http://127.0.0.1:{other.getsockname()[1]}/")
         assert (left, refused) == ("not sent", ["connect-src"])

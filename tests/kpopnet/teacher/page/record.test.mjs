@@ -134,6 +134,7 @@ test("the joints of every image from the one on are kept with their times, drawn
   part("start").listeners.click();
   assert.deepEqual([socket.sent.at(-1).do, part("source").disabled], ["stop", false]);
   const frames = await saved();
+  assert.ok(!leave.stays()); // for the lesson that was made
   assert.deepEqual(frames.map(({ time_s }) => time_s), [0, 0.08, 0.18, 5]);
   assert.deepEqual(frames[2].joints[3], [0.1, 0.2, 4.5, 0.9]);
 });
@@ -252,9 +253,9 @@ test("a picture of before the computer slept is not told, and the next one is", 
   assert.deepEqual(ages_ms, [20]);
 });
 
-test("a dance that is not saved yet is not lost by a reload or a link without a question, one that was left is", async () => {
-  const kept = (leave) => { let stays = false; leave({ preventDefault() { stays = true; }, target: createElement("a") }); return stays; };
-  const link = (answer) => { globalThis.confirm = () => answer; return kept(listeners.click); };
+test("a dance that is not saved yet is not lost by a reload, a link or the Back key without a question, one that was left is", async () => {
+  const kept = (unload) => { let stays = false; unload({ preventDefault() { stays = true; } }); return stays; };
+  const link = (answer) => { globalThis.confirm = () => answer; return leave.stays(); };
   assert.ok(!link(false)); // nothing is lost yet
   await dance(12);
   assert.ok(kept(globalThis.onbeforeunload) && link(false) && !link(true));
