@@ -19,6 +19,9 @@ NAME = "RealSense camera"
 WAIT_MS, PATIENCE_MS = 200, 5000
 """How often to ask whether the recording has ended, and how long the library may take for one image."""
 
+START_S = 10.0
+"""How long the first image after a start may take, seconds."""
+
 USUAL_FPS, USUAL_WIDTH = 30, 640
 
 
@@ -103,13 +106,14 @@ class RealSenseCamera:
             time.sleep(SEARCH_EVERY_S)
             self._connect()
         try:
-            found, frame = self._queue.try_wait_for_frame(round(1000 * SILENCE_S))
+            found, frame = self._queue.try_wait_for_frame(round(1000 * self._patience_s))
         except RuntimeError:  # it is torn out while it is asked
             found = False
         taken = time.monotonic()
         if not found:
             self.close()
             raise CameraAwayError("the camera sends no images; look at its cable")
+        self._patience_s = SILENCE_S
         return depth_in_metres(_depth_of(frame.as_depth_frame()), self.camera, where=NAME, unit_known=True), taken
 
     def close(self) -> None:
@@ -141,7 +145,7 @@ class RealSenseCamera:
                 raise
         except RuntimeError as error:
             raise CameraAwayError(Said("the camera does not start ({reason})", reason=first_line(error))) from error
-        self._sensor, self._queue, self.camera = sensor, queue, camera
+        self._sensor, self._queue, self.camera, self._patience_s = sensor, queue, camera, START_S
 
 
 def _depth_profiles(sensor: Any) -> list[Any]:

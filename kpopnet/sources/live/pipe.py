@@ -165,7 +165,7 @@ class Relay:
         except OSError as error:
             raise InputError("standard input is closed: send depth to it, as of `python send.py |`") from error
         if self._file.isatty():
-            raise InputError("standard input is a terminal: send depth to it, as in `python send.py | kpopnet teach --live -`")
+            raise InputError("standard input is a terminal: send depth to it, as in `python send.py | kpopnet live -`")
         self._line = self._file.readline(LINE_BYTES)
         self._size = HEAD.size + parsed_header(self._line, "standard input").depth_bytes
         self._changed = threading.Condition()

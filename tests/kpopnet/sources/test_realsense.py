@@ -1,5 +1,6 @@
 """RealSense's depth, recorded and live, of a camera simulated by the maker's library; it is unplugged and plugged in again."""
 
+import threading
 import time
 from dataclasses import replace
 
@@ -22,6 +23,7 @@ IMAGES = depth_mm(6)
 def plugged(monkeypatch):
     """The software camera that is plugged in, to be changed; a silent camera is given up soon."""
     monkeypatch.setattr(realsense, "SILENCE_S", 0.1)
+    monkeypatch.setattr(realsense, "START_S", 0.5)
     monkeypatch.setattr(realsense, "SEARCH_EVERY_S", 0.01)
     return [SoftwareCamera()]
 
@@ -76,6 +78,19 @@ def test_a_camera_vanishes_and_comes_back(plugged):
     camera._connect()
     plugged[0].take(IMAGES[3], 0)
     np.testing.assert_allclose(camera.read()[0], IMAGES[3] / 1000, rtol=1e-6)
+    camera.close()
+
+
+def test_the_first_image_may_take_longer_than_the_next_ones(plugged):
+    camera = opened(plugged)
+    later = threading.Timer(0.25, plugged[0].take, (IMAGES[0], 0))
+    later.start()
+    np.testing.assert_allclose(camera.read()[0], IMAGES[0] / 1000, rtol=1e-6)
+    later.join()
+    before = time.monotonic()
+    with pytest.raises(CameraAwayError, match="cable"):
+        camera.read()
+    assert time.monotonic() - before < 0.4
     camera.close()
 
 
