@@ -39,7 +39,10 @@ def _told(error: Exception) -> str:
 
 
 class DepthRecorder:
-    """Writes every image of the camera between start and stop; the camera's thread writes, another one gives the orders."""
+    """Writes every image of the camera between start and stop; the camera's thread writes, another one gives the orders.
+
+    A recording that is longer than `kpopnet predict` takes goes on in another file.
+    """
 
     def __init__(self, folder: Path, camera: Camera) -> None:
         self._folder, self._camera = folder, camera
@@ -58,19 +61,21 @@ class DepthRecorder:
         """Begins a recording, unless one goes on. Raises OSError where the folder cannot be written."""
         with self._lock:
             if self._writer is None:
-                self._writer = DepthWriter(free_path(self._folder, "depth", ".h5"), self._camera)
-                self._first = self._last = 0.0
+                self._begin()
 
     def add(self, image: Image) -> None:
         """Writes an image, if a recording goes on; one that cannot go on ends."""
         with self._lock:
             if self._writer is None:
                 return
-            if not self._writer.images:
-                self._first = self._last = image.taken
-            elif image.taken <= self._last:
+            if self._writer.images and image.taken <= self._last:
                 return
             try:
+                if self._writer.images and image.taken - self._first > MAX_DURATION_S:
+                    self._end("; the next one goes on")
+                    self._begin()
+                if not self._writer.images:
+                    self._first = image.taken
                 self._writer.add(image.depth_m, image.taken - self._first)
                 self._last = image.taken
             except WRITING as error:
@@ -87,6 +92,10 @@ class DepthRecorder:
         with self._lock:
             told, self._told = self._told, ""
             return told
+
+    def _begin(self) -> None:
+        self._writer = DepthWriter(free_path(self._folder, "depth", ".h5"), self._camera)
+        self._first = self._last = 0.0
 
     def _end(self, why: str) -> None:
         writer, self._writer = self._writer, None

@@ -18,6 +18,7 @@ from kpopnet.live import keeping, loop
 from kpopnet.live.loop import Watcher, Watching
 from kpopnet.live.streams import Seen
 from kpopnet.pose import PersonPose
+from kpopnet.sources import open_depth
 from kpopnet.sources.live import Image
 from kpopnet.sources.source import CameraAwayError, LiveCamera
 
@@ -179,6 +180,20 @@ def test_joints_that_cannot_be_written_are_kept_for_as_long_as_a_dance_may_last(
     for number, time_s in enumerate((0.0, 0.5, 0.6)):
         keeper.add(Seen(number, time_s, 10.0, []))
     assert keeper.state == {"images": 2, "seconds": 0.5}
+
+
+def test_a_recording_goes_on_in_another_file_before_it_is_too_long_to_be_read(monkeypatch, tmp_path):
+    camera, depth_m = CAMERAS["eval"], np.ones((240, 320), np.float32)
+    recorder = keeping.DepthRecorder(tmp_path, camera)
+    monkeypatch.setattr(keeping, "MAX_DURATION_S", 1.0)
+    recorder.start()
+    for taken in (5.0, 5.5, 6.0, 6.5, 7.0):
+        recorder.add(Image(depth_m, taken))
+    assert "3 depth images of 1.0 s" in (told := recorder.news()) and "the next one goes on" in told
+    assert recorder.state == {"images": 2, "seconds": 0.5}
+    recorder.stop()
+    times_s = [[image.time_s for image in open_depth(path).timed()] for path in sorted(tmp_path.iterdir())]
+    assert sorted(times_s) == [[0, 0.5], [0, 0.5, 1.0]]
 
 
 def test_a_disk_that_is_gone_when_a_recording_ends_is_told_and_the_next_one_begins_anew(monkeypatch, tmp_path):
