@@ -21,8 +21,8 @@ MAX_DURATION_S, MAX_TIME_S = 7200.0, 1e10
 """Longest dance, which bounds the memory of a comparison to a few hundred megabytes, and latest time on a clock: seconds since
 1970 are less, milliseconds are not."""
 
-ABSOLUTE_S = 1e9
-"""Later times are of an absolute clock, as the seconds since 1970 have been since 2001, and not of a piece of music."""
+ABSOLUTE_S = MAX_DURATION_S
+"""Later times are of an absolute clock, as seconds since 1970 or since a machine was started, and not of a piece of music."""
 
 MAX_COORDINATE = 1e6
 """A kilometre in millimetres: no dance is farther from the origin, in any unit."""

@@ -1,6 +1,7 @@
 """Parts of command lines that several programs share."""
 
 import argparse
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -48,6 +49,13 @@ OF_RECORDINGS = ("camera", "fov", "focal", "fps", "depth_scale", "key")
 OF_DEPTH = (*OF_RECORDINGS, "rotate", "segmented")
 LEFT_OUT = {"rotate": 0, "segmented": False, "loop": False}
 """What argparse puts for a word that is left out, where that is not None."""
+
+
+def tell_assumed_rate(source: DepthSource) -> None:
+    """Says on standard error that a recording's frame rate is a guess."""
+    if not source.fps_is_known:
+        text = f"the recording states no frame rate: {source.fps:g} images a second assumed; give the true one with --fps"
+        print(text, file=sys.stderr)
 
 
 def check_not_given(given: argparse.Namespace, names: tuple[str, ...], why: str) -> None:

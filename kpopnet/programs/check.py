@@ -34,7 +34,7 @@ from kpopnet.evaluation.acceptance.sheet import blocks, machine, moments, write
 from kpopnet.evaluation.acceptance.watched import EMPTY_M2, IN_VIEW_M2, Kept, Truth, Watched, stored_truth, surfaces_m2
 from kpopnet.evaluation.report import as_text
 from kpopnet.pose import PersonPose, PoseEstimator
-from kpopnet.programs.arguments import OF_RECORDINGS, add_depth, check_not_given, opener, program_parser
+from kpopnet.programs.arguments import OF_RECORDINGS, add_depth, check_not_given, opener, program_parser, tell_assumed_rate
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
@@ -207,6 +207,7 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
     if truth is not None:
         check_not_given(given, (*OF_RECORDINGS, "rotate"), "a simulated film states its own, in which its true joints are")
     source = opener(path, given, in_child=True)()
+    tell_assumed_rate(source)
     warm_up(source, estimator)
     collected, dropped = Collected(source.camera), 0
     with tqdm(total=round(END_S), desc=path.name, unit="s", disable=None) as bar:
@@ -226,9 +227,9 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
     return collected.watched(path.name, dropped, None if truth is None else Truth(*truth), source.fps)
 
 
-def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
+def check_live(given: argparse.Namespace, address: str, estimator: PoseEstimator) -> Watched:
     """Tells a person what to do before a live camera, and watches. Raises InputError if the camera fails."""
-    camera = open_live(given.source, given.rotate)
+    camera = open_live(address, given.rotate)
     collected, untold = Collected(camera.camera), list(SCRIPT)
     with closing(NewestImage(camera)) as images:
         stream = answers(images, camera.camera, estimator)
@@ -258,10 +259,10 @@ def check_live(given: argparse.Namespace, estimator: PoseEstimator) -> Watched:
     return collected.watched(given.source, dropped)
 
 
-def checked(given: argparse.Namespace, estimator: PoseEstimator) -> tuple[list[Watched], bool]:
-    """The runs of a live camera, a recording or a simulated set, and whether they are simulated."""
+def checked(given: argparse.Namespace, address: str, estimator: PoseEstimator) -> tuple[list[Watched], bool]:
+    """The runs of a live camera at this address, a recording or a simulated set, and whether they are simulated."""
     if is_live(given.source):
-        return [check_live(given, estimator)], False
+        return [check_live(given, address, estimator)], False
     path = Path(given.source)
     if not (path / MANIFEST).exists():
         run = check_recording(path, given, estimator)
@@ -296,8 +297,8 @@ def main() -> None:
     estimator, machine_before = load_estimator(None), machine()
     announce_compilation(compile_refining)
     with locked(given.out) if given.out else nullcontext():
-        with shared_live(given.source) as given.source:
-            runs, is_simulated = checked(given, estimator)
+        with shared_live(given.source) as address:
+            runs, is_simulated = checked(given, address, estimator)
         kinds = list(dict.fromkeys(run.kind for run in runs))
         found = {kind: figures([run for run in runs if run.kind == kind]) for kind in kinds}
         fed = "as fast as they are read: no delays" if given.as_fast else "in real time"

@@ -66,7 +66,7 @@ def watching(given: argparse.Namespace) -> Watching:
         if not path.exists():
             raise InputError(f"{path}: no such recording, and no camera; there are {', '.join(LIVE_CAMERAS)}")
         open_source, name = arguments.opener(path, given, in_child=True), path.name
-        open_source()
+        arguments.tell_assumed_rate(open_source())
         open_camera = partial(PlayedRecording, open_source, given.loop)
     return Watching(name, open_camera, given.data, given.checkpoint, given.people, given.stream, given.port_out)
 

@@ -28,11 +28,11 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.dance.joint_files.writing import SUFFIXES, write_performance
-from kpopnet.dance.performance import ABSOLUTE_S, MAX_DURATION_S, Performance
+from kpopnet.dance.performance import MAX_DURATION_S, Performance
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
 from kpopnet.pose.estimator import MAX_PEOPLE
-from kpopnet.programs.arguments import add_depth, opener, program_parser
+from kpopnet.programs.arguments import add_depth, opener, program_parser, tell_assumed_rate
 from kpopnet.runtime.atomic_write import remove_unfinished, write_whole
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
@@ -46,6 +46,9 @@ from kpopnet.viz.view_page import Shown, cloud_frames, sampled_cloud, view_page
 
 FORMATS = tuple(suffix[1:] for suffix in SUFFIXES)
 SHEET_TILES = 12
+
+SINCE_1970_S = 1e9
+"""Later times are seconds since 1970, which have been more since 2001."""
 
 
 def parsed() -> argparse.Namespace:
@@ -62,31 +65,43 @@ def parsed() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def estimated(source: DepthSource, estimator: PoseEstimator, segmented: bool) -> tuple[list[PersonPose], np.ndarray]:
-    """The people of a recording, the main person first, and the (T,) times of its images in seconds: since
-    the first image where they lie beyond ABSOLUTE_S, as those since 1970 do.
+def estimated(
+    source: DepthSource, estimator: PoseEstimator, segmented: bool
+) -> tuple[list[PersonPose], np.ndarray, InputError | None]:
+    """The people of a recording, the main person first; the (T,) times of its images in seconds, from the first image on where
+    they are since 1970; and why no more could be read, where it is damaged after its first images.
 
-    Raises InputError if an image cannot be read or is no depth, or the recording is too long or empty.
+    Raises InputError if the first image cannot be read or is no depth, or the recording is too long or empty.
     """
     if source.frames is not None and source.frames / source.fps > MAX_DURATION_S:
         raise InputError(f"{source.name}: {source.frames:,} images last more than {MAX_DURATION_S:g} s; cut it into parts")
-    times_s, start_s = [], 0.0
+    times_s, start_s, fault = [], 0.0, None
+
+    def readable() -> Iterator[TimedDepth]:
+        nonlocal fault
+        try:
+            yield from source.timed()
+        except InputError as error:
+            if not times_s:
+                raise
+            fault = error
 
     def images() -> Iterator[TimedDepth]:
         nonlocal start_s
-        for image in tqdm(source.timed(), "joints", source.frames, unit=" images", disable=None):
-            if not times_s and image.time_s > ABSOLUTE_S:
+        for image in tqdm(readable(), "joints", source.frames, unit=" images", disable=None):
+            if not times_s and image.time_s > SINCE_1970_S:
                 start_s = image.time_s
             image = image._replace(time_s=image.time_s - start_s)
             times_s.append(image.time_s)
-            if abs(image.time_s) > ABSOLUTE_S or image.time_s - times_s[0] > MAX_DURATION_S:
+            if abs(image.time_s) > SINCE_1970_S or image.time_s - times_s[0] > MAX_DURATION_S:
                 raise InputError(
                     f"{source.name}: an image at {image.time_s:g} s; expected times in seconds from 0, of at most "
                     f"{MAX_DURATION_S:g} s in all; --fps overrides them"
                 )
             yield image
 
-    return estimator.estimate(images(), source.camera, source.fps, segmented=segmented), np.array(times_s)
+    people = estimator.estimate(images(), source.camera, source.fps, segmented=segmented)
+    return people, np.array(times_s), fault
 
 
 def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray, out: Path, gif: bool) -> list[Path]:
@@ -145,13 +160,15 @@ def write_joints(people: Sequence[PersonPose], times_s: np.ndarray, out: Path, f
 @user_errors
 def main() -> None:
     given = parsed()
+    if given.segmented and given.people > 1:
+        raise InputError(f"--people {given.people}: --segmented is for depth that shows one person")
     source = opener(given.path, given, in_child=True)()
     estimator = PoseEstimator.load(given.checkpoint, given.mode, given.people)
     announce_compilation(compile_refining)
     with locked(given.out):
         for name in ("joints", "overlay", "view"):  # of a run that was killed
             remove_unfinished(given.out, f".{name}*.tmp")
-        people, times_s = estimated(source, estimator, given.segmented)
+        people, times_s, fault = estimated(source, estimator, given.segmented)
         for number, name in itertools.product(range(1, MAX_PEOPLE + 1), FORMATS):  # of another recording
             joints_path(given.out, number, name).unlink(missing_ok=True)
         for name in ("overlay.png", "overlay.mp4", "overlay.gif", "view.html"):
@@ -162,11 +179,12 @@ def main() -> None:
         if not people:
             hint = "" if given.segmented else ", or try --segmented if the depth shows one person only"
             raise InputError(f"{given.path}: no person was found; look at {given.out / 'overlay.png'}{hint}")
-    if not source.fps_is_known:
-        print(f"the recording states no frame rate: {source.fps:g} images a second assumed; give the true one with --fps")
+    tell_assumed_rate(source)
     for number, person in enumerate(people, 1):
         known = (person.confidence > 0).any(axis=1)
         mean = person.confidence[known].mean()
         print(f"person {number}: in {known.sum()} of {len(known)} images, mean confidence {mean:.2f}")
     print("wrote", ", ".join(map(str, [*written, *pictures])))
     print(f"look at {given.out / 'overlay.png'}, and open {given.out / 'view.html'} in a browser")
+    if fault is not None:
+        raise InputError(f"{fault}; written is what the {len(times_s):,} images before it show")

@@ -20,7 +20,7 @@ from kpopnet.dance.performance import Performance, check_dance, without_gaps
 from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply, rotate
 from kpopnet.runtime.atomic_write import write_whole
-from kpopnet.runtime.input_files import as_path
+from kpopnet.runtime.input_files import MAX_JSON_BYTES, as_path
 from kpopnet.skeleton import JOINT_NAMES, Joint
 
 SUFFIXES = (".npz", ".json", ".csv", ".bvh")
@@ -47,7 +47,10 @@ def write_performance(path: Path | str, performance: Performance) -> None:
     writers: dict[str, Callable[[Performance], str | bytes]] = dict(zip(SUFFIXES, (_npz, _json, _csv, _bvh), strict=True))
     if (writer := writers.get(path.suffix.lower())) is None:
         raise InputError(f"{path}: expected a name that ends with {', '.join(SUFFIXES)}")
-    write_whole(path, writer(performance))
+    content = writer(performance)
+    if path.suffix.lower() in (".json", ".csv") and (size := len(content.encode())) > MAX_JSON_BYTES:
+        raise InputError(f"{path}: {size:,} bytes, more than `kpopnet score` reads; write .npz, or parts of the recording")
+    write_whole(path, content)
 
 
 def _npz(performance: Performance) -> bytes:

@@ -58,12 +58,12 @@ def test_confidence_is_a_weighted_mean_of_the_samples_around():
 
 
 def test_a_dance_on_an_absolute_clock_begins_with_its_first_frame_or_with_the_dance_beside_it():
-    starts_s = 1.7e9, 1.7e9 + 1.5, 1.7e9 - 500, 12.0
+    starts_s = 1.7e9, 1.7e9 + 1.5, 1.7e9 - 500, 12.0, 86400.0
     dances = [performance.Performance(JOINTS_M, start_s + TIMES_S) for start_s in starts_s]
     given = performance.from_absolute_clocks(dances)
-    np.testing.assert_allclose([one.times_s[0] for one in given], [0, 1.5, 0, 12])
+    np.testing.assert_allclose([one.times_s[0] for one in given], [0, 1.5, 0, 12, 0])
     np.testing.assert_array_equal(given[3].times_s, dances[3].times_s)
-    np.testing.assert_allclose(performance.from_absolute_clocks(dances[::-1])[2].times_s, TIMES_S, atol=1e-6)
+    np.testing.assert_allclose(performance.from_absolute_clocks(dances[::-1])[3].times_s, TIMES_S, atol=1e-6)
     assert performance.from_absolute_clocks([]) == []
     with pytest.raises(InputError, match="dances: expected a list of them, got"):
         performance.from_absolute_clocks(dances[0])

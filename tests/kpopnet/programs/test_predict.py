@@ -12,6 +12,7 @@ from extraction_scenes import CAMERA, compose, room, shifted, standing
 from PIL import Image
 
 from kpopnet.camera import CAMERAS
+from kpopnet.programs.arguments import tell_assumed_rate
 from kpopnet.programs.predict import draw
 from kpopnet.skeleton import Joint
 from kpopnet.sources import open_depth
@@ -45,7 +46,7 @@ def test_joints_in_every_format_pictures_and_a_page(predict, tmp_path, monkeypat
     out = tmp_path / "out"
     names = {"joints.npz", "joints.json", "joints.csv", "joints.bvh", "overlay.png", "overlay.mp4", "overlay.gif", "view.html"}
     assert {path.name for path in out.iterdir()} == names and all(str(out / name) in printed for name in names)
-    assert "person 1: in " in printed and "no frame rate" not in printed
+    assert "person 1: in " in printed
 
     stored = np.load(out / "joints.npz")
     np.testing.assert_allclose(stored["times_s"], np.arange(FRAMES) / 25)
@@ -64,12 +65,19 @@ def test_joints_in_every_format_pictures_and_a_page(predict, tmp_path, monkeypat
     assert "a.npy: 1 person, 8 images" in (out / "view.html").read_text()
 
 
+def test_a_rate_that_is_guessed_is_told(tmp_path, capsys):
+    np.save(tmp_path / "a.npy", recording())
+    for fps, told in ((None, "no frame rate: 30 images a second assumed"), (15.0, "")):
+        tell_assumed_rate(open_depth(tmp_path / "a.npy", CAMERA, fps=fps))
+        assert told in (printed := capsys.readouterr().err) and bool(printed) == bool(told)
+
+
 def test_two_people_get_files_of_their_own(predict, tmp_path):
     left, right = standing(), standing(2.4, 20.0)
     images = [compose(room(), shifted(left, -40 + k), shifted(right, 40 - k)) for k in range(5)]
     np.save(tmp_path / "a.npy", np.rint(1000 * np.stack(images)).astype(np.uint16))
     printed = predict(tmp_path / "a.npy", *CAMERA_WORDS, "--people", 2, "--format", "npz")
-    assert "no frame rate: 30 images a second assumed" in printed and "person 2: in" in printed
+    assert "person 2: in" in printed
     columns = [np.nanmean(np.load(tmp_path / "out" / name)["joints_m"][..., 0]) for name in ("joints.npz", "joints_2.npz")]
     assert abs(columns[0] - columns[1]) > 0.5
     assert "2 people" in (tmp_path / "out" / "view.html").read_text()
@@ -108,6 +116,21 @@ def test_times_since_1970_become_times_since_the_first_image(predict, tmp_path):
         np.savez(tmp_path / "a.npz", times_s=start_s + np.arange(3) / 32, **known)
         predict(tmp_path / "a.npz", "--segmented")
         np.testing.assert_array_equal(np.load(tmp_path / "out" / "joints.npz")["times_s"], first_s + np.arange(3) / 32)
+
+
+def test_what_comes_before_damage_is_written_and_the_damage_is_told(predict, tmp_path):
+    folder = tmp_path / "film"
+    folder.mkdir()
+    for number, image in enumerate(recording()[:5]):
+        cv2.imwrite(str(folder / f"{number}.png"), image)
+    last = folder / "4.png"
+    last.write_bytes(last.read_bytes()[:-200])  # its recorder was stopped
+    error = predict(folder, *CAMERA_WORDS, "--format", "npz", fails=True)
+    assert "4.png: not a PNG" in error and "written is what the 4 images before it show" in error
+    assert np.load(tmp_path / "out" / "joints.npz")["joints_m"].shape == (4, 15, 3)
+    assert cv2.VideoCapture(str(tmp_path / "out" / "overlay.mp4")).get(cv2.CAP_PROP_FRAME_COUNT) == 4
+    (folder / "0.png").write_bytes(b"")
+    assert "0.png" in predict(folder, *CAMERA_WORDS, fails=True)
 
 
 def test_a_recording_that_goes_on_is_shown_as_far_as_it_was_read(tmp_path):
