@@ -40,7 +40,7 @@ OUTLIER_M = 0.15
 """A sample at this distance from the first line has half its weight in the second fit. The distance is far beyond noise and
 beyond the deviation of a dance from a straight line."""
 
-LONGEST_M = 2.0
+LONGEST_M = 5.0
 """No dancer's bones are longer, in the median; in centimetres they are 10 to 40, in millimetres hundreds."""
 
 TRUNK = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]
