@@ -14,7 +14,7 @@ export class Sound {
   // A browser lets a page make sound only after a click or a key: call it from there.
   wake() {
     if (this.context === null) this.context = new AudioContext();
-    this.context.resume();
+    this.context.resume()?.catch(() => {}); // the view may be left before
   }
 
   // Plays from `in_s` seconds from now on; the beats before that are the count-in, which is always heard. `music` is "tick",
