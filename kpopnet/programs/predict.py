@@ -69,36 +69,32 @@ def estimated(
     source: DepthSource, estimator: PoseEstimator, segmented: bool
 ) -> tuple[list[PersonPose], np.ndarray, InputError | None]:
     """The people of a recording, the main person first; the (T,) times of its images in seconds, from the first image on where
-    they are since 1970; and why no more could be read, where it is damaged after its first images.
+    they are since 1970; and why no more was read, where it is damaged after its first images or lasts too long.
 
-    Raises InputError if the first image cannot be read or is no depth, or the recording is too long or empty.
+    Raises InputError if the first image cannot be read or is no depth, the recording says that it is too long, or it is empty.
     """
     if source.frames is not None and source.frames / source.fps > MAX_DURATION_S:
         raise InputError(f"{source.name}: {source.frames:,} images last more than {MAX_DURATION_S:g} s; cut it into parts")
     times_s, start_s, fault = [], 0.0, None
 
-    def readable() -> Iterator[TimedDepth]:
-        nonlocal fault
+    def images() -> Iterator[TimedDepth]:
+        nonlocal start_s, fault
         try:
-            yield from source.timed()
+            for image in tqdm(source.timed(), "joints", source.frames, unit=" images", disable=None):
+                if not times_s and image.time_s > SINCE_1970_S:
+                    start_s = image.time_s
+                image = image._replace(time_s=image.time_s - start_s)
+                if abs(image.time_s) > SINCE_1970_S or (times_s and image.time_s - times_s[0] > MAX_DURATION_S):
+                    raise InputError(
+                        f"{source.name}: an image at {image.time_s:g} s; expected times in seconds from 0, of at most "
+                        f"{MAX_DURATION_S:g} s in all; --fps overrides them"
+                    )
+                times_s.append(image.time_s)
+                yield image
         except InputError as error:
             if not times_s:
                 raise
             fault = error
-
-    def images() -> Iterator[TimedDepth]:
-        nonlocal start_s
-        for image in tqdm(readable(), "joints", source.frames, unit=" images", disable=None):
-            if not times_s and image.time_s > SINCE_1970_S:
-                start_s = image.time_s
-            image = image._replace(time_s=image.time_s - start_s)
-            times_s.append(image.time_s)
-            if abs(image.time_s) > SINCE_1970_S or image.time_s - times_s[0] > MAX_DURATION_S:
-                raise InputError(
-                    f"{source.name}: an image at {image.time_s:g} s; expected times in seconds from 0, of at most "
-                    f"{MAX_DURATION_S:g} s in all; --fps overrides them"
-                )
-            yield image
 
     people = estimator.estimate(images(), source.camera, source.fps, segmented=segmented)
     return people, np.array(times_s), fault

@@ -173,10 +173,13 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
     if given.joint_map is None and holds_depth(path):
         expect(not others, str(path), "one recording of depth of all dancers, and --people")
         source = arguments.opener(path, given, in_child=True)()
+        arguments.tell_assumed_rate(source)
         if source.frames is not None and given.to_s is None:  # at least so long: images may have been lost
             check_length(str(path), max(source.frames / source.fps - given.from_s, MIN_S))
         estimator = PoseEstimator.load(mode="best", people=given.people)
-        people, times_s = estimated(source, estimator, given.segmented)
+        people, times_s, fault = estimated(source, estimator, given.segmented)
+        if fault is not None:
+            print(f"{fault}; the {len(times_s):,} images before it are the dance", file=sys.stderr)
         if len(people) < given.people:
             text = f"{len(people)} of {given.people} people were found" if people else "no person was found"
             raise InputError(f"{path}: {text}; the camera must see each dancer from head to feet")
@@ -254,7 +257,7 @@ def checked_sources(given: argparse.Namespace) -> tuple[dict[str, str | Said], C
     sources, open_recording = {SIMULATED: "a simulated learner", WEBCAM: DESCRIPTION}, None
     if given.depth is not None:
         open_recording = arguments.opener(given.depth, given, in_child=False)  # it must begin at once
-        open_recording()
+        arguments.tell_assumed_rate(open_recording())
         sources = {RECORDING: Said("the recording {name}", name=given.depth.name)} | sources
     if given.live is not None:
         sources = {given.live: check_live(given.live, "--live")} | sources
