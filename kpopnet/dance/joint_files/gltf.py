@@ -1,7 +1,8 @@
 """Animated skeletons in glTF 2.0: .gltf and .glb files, and VRM's .vrm and .vrma, which are .glb files that name the bones.
 
-The longest animation is sampled at FPS. Joints are the origins of nodes, by forward kinematics of the node tree with its scales
-(section 3.5 of Khronos' specification; 3.11 for interpolation). A buffer is in the file, or lies in the file's folder.
+The longest animation that moves the skeleton is sampled at FPS. Joints are the origins of nodes, by forward kinematics of the
+node tree with its scales (section 3.5 of Khronos' specification; 3.11 for interpolation). A buffer is in the file, or lies in
+the file's folder.
 """
 
 import base64
@@ -29,12 +30,12 @@ def read_gltf(path: Path) -> NamedPoints:
     with parsing(path, "not a readable glTF 2.0 file"), np.errstate(over="raise", invalid="raise"):
         file = _File(path)
         parents, names = file.tree()
-        channels, keys_s = file.longest_animation()
         found = find_joints(names, parents, path)
+        bones = {one for joint in found.values() for one in chain(joint, parents)} - {*chain(found["Hips"], parents)[:-1]}
+        channels, keys_s = file.longest_animation(bones)
         frames = int((keys_s[-1] - keys_s[0]) * FPS + 1e-3) + 1
         check_budget(path, frames * len(parents) * 128, f"{frames} frames of {len(parents)} nodes")
         times_s = keys_s[0] + np.arange(frames) / FPS
-        bones = {one for joint in found.values() for one in chain(joint, parents)} - {*chain(found["Hips"], parents)[:-1]}
         moved, rest = file.worlds(bones, parents, channels, times_s), file.rest(bones, parents)
         joints, places, carried = with_torso(found, rest[:, :3, 3], parents)
         torso = moved[carried[-1]] @ np.linalg.inv(rest[carried[-1]]) @ [*places[-1], 1]
@@ -83,8 +84,11 @@ class _File:
             names[place["node"]] = str(bone)
         return parents, names
 
-    def longest_animation(self) -> tuple[dict[int, dict[str, dict]], np.ndarray]:
-        """The samplers of each animated node, by what they change, and the (K,) times of all their keys in seconds."""
+    def longest_animation(self, bones: set[int]) -> tuple[dict[int, dict[str, dict]], np.ndarray]:
+        """The samplers of each node animated, by what they change, and the (K,) times of all their keys in seconds.
+
+        Of the animations that move one of some nodes: others are of cameras and lights.
+        """
         found, keys_s = {}, np.zeros(0)
         for animation in self.content.get("animations", []):
             own: dict[int, dict[str, dict]] = {}
@@ -92,6 +96,8 @@ class _File:
                 node, sampler = channel["target"].get("node"), animation["samplers"][channel["sampler"]]
                 if node is not None and channel["target"]["path"] in _REST:
                     own.setdefault(node, {})[channel["target"]["path"]] = sampler
+            if bones.isdisjoint(own):
+                continue
             inputs = {sampler["input"] for one in own.values() for sampler in one.values()}
             times_s = np.unique(np.concatenate([np.zeros(0), *(self.numbers(one)[:, 0] for one in inputs)]))
             if len(times_s) and (not len(keys_s) or np.ptp(times_s) > np.ptp(keys_s)):

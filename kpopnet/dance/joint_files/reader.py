@@ -21,7 +21,7 @@ from kpopnet.dance.joint_files.points import (
     unit_m,
     with_joint_map,
 )
-from kpopnet.dance.joint_files.tables import TIMES, joint_points, read_csv
+from kpopnet.dance.joint_files.tables import EACH_A_FILE, TIMES, joint_points, read_csv
 from kpopnet.dance.joint_files.vmd import read_vmd
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError, check_number
@@ -45,6 +45,9 @@ NPZ_SCHEMA = {
 }
 """joints_m in metres in the camera frame, or keypoints3d in COCO's order, or points and their names; then times_s or fps, and
 the confidence of each joint or point. Or poses, as of AMASS."""
+
+MOST_FRAMES = 450_000
+"""Of a stranger's file: more than two hours at 60 frames a second."""
 
 _WORLD_LANDMARKS = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
 _PICTURE_LANDMARKS = ("pose_landmarks", "landmarks", "poseLandmarks")
@@ -139,7 +142,10 @@ def read_strangers_group(
 
 
 def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path | str | None) -> list[dict[str, Any]]:
-    return [vars(found) for found in read_performances([path, *others], fps, joint_map)]
+    found = read_performances([path, *others], fps, joint_map)
+    for one, where in zip(found, (path, *others), strict=True):  # which the process that asked has to hold
+        expect(len(one) <= MOST_FRAMES, str(where), f"at most {MOST_FRAMES:,} frames, found {len(one):,}")
+    return [vars(one) for one in found]
 
 
 def _read_npz(path: Path, fps: float | None) -> NamedPoints | Performance:
@@ -219,8 +225,9 @@ def _mediapipe_frame(frame: dict, key: str, where: str) -> dict:
     """A frame of MediaPipe's with "joints" by name; one without a person has none."""
     check_fields(where, frame, {key: list | None}, [key])
     landmarks = frame.get(key) or []
-    if landmarks and isinstance(landmarks[0], list):  # a list for each person
-        landmarks = landmarks[0]
+    if landmarks and isinstance(landmarks[0], list):  # a list for each person, in any order
+        expect(len(landmarks) == 1, f"{where}: {key}", f"one person, found {len(landmarks)}; {EACH_A_FILE}")
+        (landmarks,) = landmarks
     expect(not landmarks or len(landmarks) == len(MEDIAPIPE_NAMES), f"{where}: {key}", f"{len(MEDIAPIPE_NAMES)} landmarks")
     joints = {}
     for name, one in zip(MEDIAPIPE_NAMES, landmarks, strict=False):

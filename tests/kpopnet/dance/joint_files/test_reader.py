@@ -202,6 +202,19 @@ def test_mediapipes_landmarks_as_json_and_as_a_line_for_each_point(tmp_path, cha
     np.testing.assert_array_equal(read_performance(tmp_path / "both.csv").joints_m, read.joints_m)
 
 
+def test_of_two_people_before_mediapipe_a_file_each_is_asked_for(tmp_path, changing_nothing):
+    path = write_landmarks(tmp_path / "a.json", pose_world_landmarks=mediapipe())
+    frames = json.loads(path.read_text())["frames"]
+    for people in (1, 2):
+        listed = [{**one, "pose_world_landmarks": people * [one["pose_world_landmarks"]]} for one in frames]
+        path.write_text(json.dumps({"frames": listed}))
+        if people == 1:
+            assert read_performance(path).is_observed
+            continue
+        with pytest.raises(InputError, match=r"a\.json: pose_world_landmarks: expected one person, found 2; give each"):
+            read_performance(path)
+
+
 @pytest.mark.parametrize(("width", "height"), [(1920, 1080), (720, 1280), (640, 480)])
 def test_mediapipes_landmarks_in_the_picture_tell_where_a_person_stands_and_the_pictures_shape(
     tmp_path, changing_nothing, width, height

@@ -74,6 +74,30 @@ def test_of_several_animations_in_a_gltf_file_the_longest_is_the_dance(tmp_path,
     assert_same_dance(write_gltf(tmp_path / "a.glb", DANCE, change=with_a_pose), in_bvh)
 
 
+def test_an_animation_of_a_camera_that_lasts_longer_is_not_the_dance(tmp_path, in_bvh):
+    def filmed(content):
+        """The dance's first arm moves, and then for as long as the dance a camera does."""
+        (dance,) = content["animations"]
+        content["nodes"].append({"name": "Camera"})
+        camera = [
+            {"sampler": one["sampler"], "target": one["target"] | {"node": len(content["nodes"]) - 1}}
+            for one in dance["channels"][:1]
+        ]
+        short = {}
+        for sampler in dance["samplers"]:
+            for number in (sampler["input"], sampler["output"]):
+                if number not in short:
+                    short[number] = len(content["accessors"])
+                    content["accessors"].append(content["accessors"][number] | {"count": 30})
+        samplers = [one | {"input": short[one["input"]], "output": short[one["output"]]} for one in dance["samplers"]]
+        content["animations"] = [dance | {"channels": camera}, dance | {"samplers": samplers}]
+
+    read = read_performance(write_gltf(tmp_path / "a.glb", DANCE, change=filmed))
+    expected = in_bvh.joints_m[: len(read) // 2]
+    assert len(read) == 59 and np.ptp(read.joints_m, axis=0).max() > 0.1
+    np.testing.assert_allclose(read.joints_m[::2][: len(expected)], expected, atol=0.012)
+
+
 def bent(motion, bone, degrees):
     """A motion in which a bone is turned forwards throughout, beyond what it does."""
     quats = motion.quats.astype(float)
