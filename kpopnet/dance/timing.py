@@ -64,16 +64,17 @@ def tempo(start_s: np.ndarray, delay_s: np.ndarray, posture: np.ndarray, weight:
     return float(1 - slope) if np.median(abs(slopes - slope)) <= MOST_SPREAD else math.nan
 
 
-def measured_latency_s(delay_s: ArrayLike, posture: ArrayLike) -> float:
+def measured_latency_s(delay_s: ArrayLike, posture: ArrayLike, weight: ArrayLike) -> float:
     """The constant delay of a set-up, for `PartScorer.latency_s`, from a short dance that was danced on time.
 
-    It is the median of the (N,) delays in seconds over the windows of a posture of at least MIN_POSTURE; NaN with fewer than
-    MIN_WINDOWS of them.
+    It is the median of the (N,) delays in seconds over the windows of a posture of at least MIN_POSTURE, in which the teacher
+    moves: the others have no weight. NaN with fewer than MIN_WINDOWS of them.
     """
-    delay_s, posture = numbers("delays", delay_s), numbers("postures", posture)
-    if delay_s.shape != posture.shape:
-        raise InputError(f"delays of shape {delay_s.shape}, postures of {posture.shape}: expected one of each a window")
-    good = np.isfinite(delay_s) & (posture >= MIN_POSTURE)
+    delay_s, posture, weight = numbers("delays", delay_s), numbers("postures", posture), numbers("weights", weight)
+    if not delay_s.shape == posture.shape == weight.shape:
+        shapes = f"delays of shape {delay_s.shape}, postures of {posture.shape}, weights of {weight.shape}"
+        raise InputError(f"{shapes}: expected one of each a window")
+    good = np.isfinite(delay_s) & (posture >= MIN_POSTURE) & (weight > 0)
     return float(np.median(delay_s[good])) if good.sum() >= MIN_WINDOWS else math.nan
 
 

@@ -178,7 +178,7 @@ def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float
         "praise": list(found.praise),
         "stage": {name: rounded(value) for name, value in score.stage.figures.items()},
         "on_stage": [Said("{what} {when}", what=text, when=at([at_s])) for at_s, text in score.stage_remarks()],
-        "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture), 3),
+        "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture, windows.weight), 3),
         "course": {
             "time_s": _column(windows.start_s + WINDOW_S / 2), "total": _column(windows.similarity),
             "timing": _column(windows.timing), "posture": _column(windows.posture), "delay_s": _column(windows.delay_s, 3),

@@ -30,6 +30,12 @@ def similarity(teacher_m, learner_m, scorer=OURS, delay_s=0.0) -> float:
     return score_dance(performed(teacher_m), performed(learner_m, delay_s), scorer).similarity
 
 
+def test_a_latency_is_measured_where_the_teacher_moves():
+    delay_s, posture = np.repeat([0.0, 0.27], [30, 20]), np.full(50, 100.0)
+    assert measured_latency_s(delay_s, posture, np.repeat([0.0, 1.0], [30, 20])) == pytest.approx(0.27)
+    assert np.isnan(measured_latency_s(delay_s, posture, np.zeros(50)))
+
+
 @EVERY
 def test_a_copy_scores_full_marks_for_any_position_size_and_heading_and_a_mirrored_one_does_not(scorer):
     for index in range(2):
@@ -199,7 +205,10 @@ SCORE = score_dance(SHORT, SHORT)
             lambda: feedback(OnlineScorer(SHORT).score_so_far()),
             "got NoneType; before the first window there is no score so far",
         ),
-        (lambda: measured_latency_s([0.1] * 7, [90.0]), r"delays of shape \(7,\), postures of \(1,\)"),
+        (
+            lambda: measured_latency_s([0.1] * 7, [90.0], [1.0]),
+            r"delays of shape \(7,\), postures of \(1,\), weights of \(1,\)",
+        ),
         (lambda: beat_latency_s(JOINTS_M[:, :14], AT_S, 0.5), r"joints of shape \(360, 14, 3\): expected \(frames, 15, 3\)"),
         (lambda: beat_latency_s(JOINTS_M, AT_S[:9], 0.5), r"360 frames with times of shape \(9,\)"),
         (lambda: beat_latency_s(JOINTS_M, AT_S * math.nan, 0.5), "expected one time a frame, finite"),
