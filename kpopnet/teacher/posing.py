@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.bvh import BvhFile, bvh_text
-from kpopnet.dance.performance import Performance
+from kpopnet.dance.performance import MAX_GAP_S, TIME_TOLERANCE_S, Performance
 from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, continuous, multiply
 from kpopnet.skeleton import Joint
@@ -97,6 +97,8 @@ def learners_movement(learner: Performance, fps: float, body: TeacherBody) -> Mo
 def at_rate(performance: Performance, fps: float, begin_s: float | None = None, end_s: float | None = None) -> np.ndarray:
     """(T, 15, 3) float32 joints of a performance at a constant rate: those of the nearest frames.
 
+    They are NaN within gaps between frames that are longer than those that a score closes (MAX_GAP_S).
+
     From its first frame on to its last, unless other times within it are given, in seconds. Raises InputError if it lasts more
     than MAX_S, and LAST_IMAGE_S.
     """
@@ -106,8 +108,10 @@ def at_rate(performance: Performance, fps: float, begin_s: float | None = None, 
         raise InputError(f"a recording of {end_s - begin_s:.1f} s; a dance lasts at most {MAX_S:g} s")
     times_s = np.arange(begin_s, max(end_s, begin_s + 0.5 / fps), 1 / fps)  # one frame at least
     after = np.clip(np.searchsorted(performance.times_s, times_s), 1, len(performance) - 1)
-    before_is_nearer = times_s - performance.times_s[after - 1] < performance.times_s[after] - times_s
-    return performance.joints_m[after - before_is_nearer].astype(np.float32)
+    since_s, until_s = times_s - performance.times_s[after - 1], performance.times_s[after] - times_s
+    joints_m = performance.joints_m[after - (since_s < until_s)].astype(np.float32)
+    joints_m[(since_s + until_s > MAX_GAP_S + TIME_TOLERANCE_S) & (np.minimum(since_s, until_s) > 0.5 / fps)] = np.nan
+    return joints_m
 
 
 def _world_rotations(joints_m: np.ndarray, body: TeacherBody) -> np.ndarray:

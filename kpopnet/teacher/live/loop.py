@@ -25,7 +25,7 @@ from kpopnet.sources.live import NewestImage
 from kpopnet.teacher.library import SHOWN_BY, TaughtDance
 from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Lesson
 from kpopnet.teacher.live.score import Calibration, DanceTry, kept_formation, together
-from kpopnet.teacher.live.webcam import NO_DEPTH_M, WebcamCamera, WebcamEstimator
+from kpopnet.teacher.live.webcam import NO_DEPTH_M, SeenPicture, WebcamCamera, WebcamEstimator
 from kpopnet.teacher.live.words import rounded
 
 PICTURE_WIDTH = 160
@@ -47,8 +47,11 @@ NOBODY_PATIENCE_S = 20.0
 LOST_S = 3.0
 """How long the learner may be out of view before another person is taken for the learner."""
 
-PEOPLE = 2
-"""People whose joints are estimated at least: the learner, and one who walks by."""
+BYSTANDERS, PEOPLE = 2, 2
+"""People whose joints are estimated beside the learners', and at least in all."""
+
+NEARER_M = 0.5
+"""Before the dance begins, who stands nearer to the middle by this distance is the learner."""
 
 
 def load_estimator(checkpoint: str | None, people: int = PEOPLE, mode: str = "realtime") -> PoseEstimator:
@@ -73,22 +76,32 @@ def noise_of(estimator: PoseEstimator) -> str:
     return name if name in NOISE else "none"
 
 
+def off_middle_m(person: PersonPose) -> float:
+    """How far beside the camera's axis a person stands, metres."""
+    return abs(float(np.nan_to_num(person.joints_camera_m[Joint.TORSO, 0], nan=99.0)))
+
+
 class Learners:
-    """Chooses the learners among the people in view and stays with them: who walks by does not take over."""
+    """Chooses the learners among the people in view, those nearest to the middle, and stays with them once the dance has begun.
+
+    Who walks by then does not take over.
+    """
 
     def __init__(self, count: int) -> None:
         self._known: list[tuple[int | None, float]] = [(None, 0.0)] * count  # the identity of each, and when it was seen last
 
-    def choose(self, people: list[PersonPose], now: float) -> list[PersonPose | None]:
+    def choose(self, people: list[PersonPose], now: float, begun: bool) -> list[PersonPose | None]:
         """The pose of each learner in one image, at `now` seconds, None of one who is not there; no person is two of them."""
         poses = []
         for number, (identity, seen) in enumerate(self._known):
             others = {one for one, _ in self._known if one != identity}
             free = [person for person in people if person.identity not in others]
             pose = next((person for person in free if person.identity == identity), None)
-            if pose is None and free and (identity is None or now - seen >= LOST_S):
-                # Who dances stands in the middle.
-                pose = min(free, key=lambda one: abs(float(np.nan_to_num(one.joints_camera_m[Joint.TORSO, 0], nan=99.0))))
+            nearest = min(free, key=off_middle_m, default=None)
+            if (pose is None and (identity is None or now - seen >= LOST_S)) or (
+                pose is not None and nearest is not None and not begun and off_middle_m(pose) - off_middle_m(nearest) > NEARER_M
+            ):
+                pose = nearest
             if pose is not None:
                 self._known[number] = pose.identity, now
             poses.append(pose)
@@ -142,7 +155,7 @@ def serve_lessons(connection: Connection, open_camera: CameraOpener, checkpoint:
             try:
                 tell("preparing", {"fraction": 0.0, "text": "opening the camera"})
                 running = RunningLesson(lesson, dance, open_camera, estimator, tell)
-                with contextlib.closing(running.images):
+                with contextlib.closing(running):
                     if running.warm(kernels, connection):
                         running.hold(connection)
             except InputError as error:
@@ -160,7 +173,7 @@ class RunningLesson:
         self._estimator = WebcamEstimator() if self._webcam else estimator
         if self._webcam and lesson.people > 1:
             raise InputError(Said("a webcam follows one learner; several need a depth camera"))
-        self._estimator.people = max(PEOPLE, lesson.people)
+        self._estimator.people = lesson.people + BYSTANDERS
         self._taught, self._learners = taught_to(lesson, dance), Learners(lesson.people)
         self._clock, self._away = DanceClock(lesson.from_s, lesson.speed), ""
         self._tries = self._new_tries()
@@ -168,6 +181,12 @@ class RunningLesson:
         self._camera, self.images = camera.camera, NewestImage(camera)
         self._patience_s = PICTURE_PATIENCE_S if self._webcam else FRAME_PATIENCE_S
         self._estimator.reset()
+
+    def close(self) -> None:
+        """Lets go of the camera; of a webcam the thread that reads it waits for what the page sends."""
+        if self._webcam:
+            self._webcam.keep(SeenPicture(None, time.monotonic()))
+        self.images.close()
 
     @property
     def _seen_s(self) -> float:
@@ -236,7 +255,7 @@ class RunningLesson:
         self._follow_away(images.away)
         if image is not None:
             people = self._estimator.update(image.depth_m, self._camera, image.taken)
-            poses = self._learners.choose(people, image.taken)
+            poses = self._learners.choose(people, image.taken, begun=not clock.stopped)
             if self._dance.others and clock.stopped:
                 poses = self._learners.in_order(poses)
             shown = [one.see(image, pose, self._camera) for one, pose in zip(self._tries, poses, strict=True)]
@@ -260,7 +279,7 @@ class RunningLesson:
     def _in_common(self, members: list[dict[str, np.ndarray]]) -> dict:
         """What several learners have in common: the formation of a group, else how alike they danced the one dance."""
         if len(set(self._taught)) < len(members):
-            return {"together": together(members, self._dance.about.free_s)}
+            return {"together": together(members, self._dance.about.free_s, self._lesson.speed)}
         return {"formation": kept_formation([self._dance.dancers[dancer] for dancer in self._taught], members)}
 
     def _follow_away(self, away: str) -> None:

@@ -28,8 +28,12 @@ from kpopnet.teacher.live.words import exchanged, latest_words, move_reason, rou
 LEAST_S = 1.0
 """Least seconds of a lesson from which a move is scored; one that ends earlier is scored then."""
 
-ROUNDING_S = 0.02
-"""Seconds by which the last move may end after the last frame of the dance."""
+ROUNDING_S = 0.05
+"""Seconds by which the last move may end after the last frame of the dance: nearly all cameras take the next one within."""
+
+AFTER_END_S, AFTER_END_PATIENCE_S = 0.1, 0.6
+"""For how long the dance goes on after its end at least, and where no image of that time has come yet, as a webcam's come late;
+the last move is judged by it."""
 
 PRAISED_FROM = 90.0
 """A move with at least this score is praised: what differs in it may be the estimator's errors."""
@@ -86,7 +90,9 @@ class DanceTry:
 
     @property
     def is_over(self) -> bool:
-        return self._clock.dance_s(time.monotonic()) > self.end_s + self._config.latency_s + 0.1
+        after_s = self._clock.dance_s(time.monotonic()) - self._config.latency_s - self.end_s
+        was_shown = self._last_s > self.end_s + self._config.latency_s
+        return after_s > self._lesson.speed * (AFTER_END_S if was_shown else AFTER_END_PATIENCE_S)
 
     def see(self, image: Image, person: PersonPose | None, camera: Camera) -> dict:
         """Adds an image to the score, if the dance is going on and the learner is there; what the page shows of it: joints in
@@ -115,7 +121,9 @@ class DanceTry:
 
     def _score(self, image: Image, person: PersonPose | None) -> None:
         time_s = self._clock.dance_s(image.taken)
-        if not self._clock.running or time_s < self.begin_s or (self._seen and time_s <= self.seen_s):
+        # A latency below 0, of who dances before the beat, begins the dance before its own begin.
+        begin_s = self.begin_s + min(self._config.latency_s, 0.0)
+        if not self._clock.running or time_s < begin_s or (self._seen and time_s <= self.seen_s):
             return
         self._first_s, self._last_s = self._first_s if self._images else time_s, time_s
         self._images += 1
@@ -229,11 +237,11 @@ class Calibration(DanceTry):
         return {"total": None, "latency_s": latency_s, "hints": [hint] if latency_s is None else []}, {}
 
 
-def together(members: list[dict[str, np.ndarray]], free_s: Stretches) -> dict | None:
+def together(members: list[dict[str, np.ndarray]], free_s: Stretches, speed: float) -> dict | None:
     """How alike learners danced, whoever the teacher was: 0 to 100, the mean over all pairs, each compared both ways.
 
-    Also by how many seconds each danced after the first. `members` are joints as of `DanceTry.finish`; the stretches `free_s`
-    are not compared. None where two were not seen for a window at the same time.
+    Also by how many seconds each danced after the first, where the dance went on at `speed` times its own. `members` are joints
+    as of `DanceTry.finish`; the stretches `free_s` are not compared. None where two were not seen for a window at a time.
     """
     try:
         dances = [Performance(**one) for one in members]
@@ -241,7 +249,7 @@ def together(members: list[dict[str, np.ndarray]], free_s: Stretches) -> dict | 
     except InputError:
         return None
     delays_s = (one.windows.delay_s[np.isfinite(one.windows.delay_s)] for one in pairs[: len(dances) - 1])
-    after_s = [rounded(np.median(delay_s), 2) if len(delay_s) else None for delay_s in delays_s]
+    after_s = [rounded(np.median(delay_s) / speed, 2) if len(delay_s) else None for delay_s in delays_s]
     figures = {name: rounded(np.mean([getattr(one, name) for one in pairs])) for name in ("similarity", "timing", "posture")}
     return figures | {"after_s": [0.0, *after_s]}
 

@@ -114,10 +114,10 @@ def test_learners_dance_neighbours_in_the_order_in_which_they_stand(group):
     assert taught_to(Lesson("dance_001", people=3), replace(dance, others=())) == [0, 0, 0]
     learners = Learners(3)
     people = [PersonPose(k, np.full((15, 3), x_m), np.ones(15)) for k, x_m in enumerate((-0.5, 1.0, 0.2))]
-    poses = learners.choose(people, 0.0)
-    assert learners.in_order([None, *poses[1:]]) == [None, *poses[1:]] and learners.choose(people, 1.0) == poses
+    poses = learners.choose(people, 0.0, begun=False)
+    assert learners.in_order([None, *poses[1:]]) == [None, *poses[1:]] and learners.choose(people, 1.0, begun=False) == poses
     assert [one.identity for one in learners.in_order(poses)] == [1, 2, 0]
-    assert [one.identity for one in learners.choose(people, 2.0)] == [1, 2, 0]
+    assert [one.identity for one in learners.choose(people, 2.0, begun=True)] == [1, 2, 0]
 
 
 def test_a_formation_is_kept_or_told(group):

@@ -85,6 +85,21 @@ def test_nearest_frames_are_taken_at_a_constant_rate_of_at_most_15_minutes(libra
     assert len(at_rate(Performance(np.zeros((1, 15, 3)), np.array([3.0])), 30.0)) == 1
 
 
+def test_where_no_image_came_for_long_joints_are_missing_and_the_body_moves_on(library):
+    performance = library.dance("dance_001").performance
+    seen = (performance.times_s < 2.0) | (performance.times_s > 3.5)
+    cut = Performance(performance.joints_m[seen], performance.times_s[seen])
+    joints_m = at_rate(cut, 30.0)
+    missing = np.isnan(joints_m).all(axis=(1, 2))
+    times_s = performance.times_s[0] + np.arange(len(joints_m)) / 30
+    assert np.isnan(joints_m[missing]).all() and not np.isnan(joints_m[~missing]).any()
+    assert missing[(times_s > 2.05) & (times_s < 3.45)].all() and not missing[(times_s < 1.95) | (times_s > 3.55)].any()
+    quats, hips_m = posed(joints_m, library.body)
+    assert np.isfinite(quats).all() and np.isfinite(hips_m).all() and (np.ptp(quats[missing], axis=0) > 0.01).any()
+    at_ten = Performance(performance.joints_m[::3], performance.times_s[::3])
+    assert np.isfinite(at_rate(at_ten, 30.0)).all()
+
+
 def test_the_longest_and_the_shortest_dance_can_be_added_and_its_try_be_shown(library, tmp_path, monkeypatch):
     for module in ("adding", "posing"):
         monkeypatch.setattr(f"kpopnet.teacher.{module}.MAX_S", 90.0)

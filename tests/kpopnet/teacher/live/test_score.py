@@ -119,6 +119,40 @@ def test_a_constant_delay_is_measured_and_taken_off(dance, speed, late_s):
     assert mended["timing"] > 97 and mended["total"] > late["total"]
 
 
+@pytest.mark.parametrize("speed", [1.0, 0.5])
+def test_who_dances_before_the_beat_is_scored_from_the_first_move_on(dance, speed):
+    """Who anticipates by half a second has a latency below 0: the dance's begin is seen before its own begin."""
+    one, early_s = begun(dance, to_s=6.0, speed=speed, latency_s=-0.5), 0.5
+    for taken in np.arange(-1.0, 6.0 / speed, 1 / 30):
+        look(one, taken, dance.joints_m[round(max((taken + early_s) * speed, 0.0) * dance.fps)])
+        if (verdict := one.next_verdict()) is not None and verdict["number"] == 1:
+            assert verdict["total"] > 97
+    result, recorded = one.finish(0)
+    assert result["total"] > 99 and 0 <= recorded["times_s"][0] < 0.05
+
+
+@pytest.mark.parametrize(("image_s", "over"), [(5.95, False), (6.05, True)])
+def test_a_dance_ends_with_the_first_image_after_its_end_which_may_come_late(dance, monkeypatch, image_s, over):
+    one = begun(dance, to_s=6.0)
+    monkeypatch.setattr(live_score.time, "monotonic", lambda: now_s)
+    now_s = image_s + 0.13  # a webcam's image
+    look(one, image_s, dance.joints_m[180])
+    for now_s in (6.09, 6.2, 6.5):
+        assert one.is_over == (over and now_s > 6.1)
+    now_s = 6.7
+    assert one.is_over
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.5])
+def test_learners_beside_each_other_are_told_who_was_after_whom_in_seconds_of_the_clock(dance, speed):
+    times_s, late_s = np.arange(0.0, 10.0, 1 / 30), 0.4
+    first, second = (
+        {"times_s": times_s, "joints_m": dance.joints_m[np.rint(np.maximum(times_s - after_s, 0) * 30).astype(int)],
+         "confidence": np.ones((len(times_s), 15))} for after_s in (0.0, late_s * speed)
+    )  # fmt: skip
+    assert live_score.together([first, second], (), speed)["after_s"] == [0.0, pytest.approx(late_s, abs=0.05)]
+
+
 def test_no_person_has_no_score_and_a_long_gap_stays_one(dance):
     one = begun(dance, to_s=8.0)
     shown = look(one, 0.0, None)
@@ -192,7 +226,7 @@ def test_each_move_is_scored_once_soon_after_its_end(dance):
 def test_a_last_move_that_ends_just_after_the_dance_is_scored(dance):
     each_s = move_s(dance)
     whole = excerpt(dance.performance, 0.0, 2 * each_s + 0.1)
-    for after_s, numbers in ((0.01, [1, 2]), (0.05, [1])):
+    for after_s, numbers in ((0.01, [1, 2]), (0.04, [1, 2]), (0.08, [1])):
         assert [one["number"] for _, one in verdicts(dance, whole, 2 * each_s - after_s)] == numbers
 
 
