@@ -48,7 +48,8 @@ def write_performance(path: Path | str, performance: Performance) -> None:
     if (writer := writers.get(path.suffix.lower())) is None:
         raise InputError(f"{path}: expected a name that ends with {', '.join(SUFFIXES)}")
     content = writer(performance)
-    if path.suffix.lower() in (".json", ".csv") and (size := len(content.encode())) > MAX_JSON_BYTES:
+    content = content.encode() if isinstance(content, str) else content
+    if path.suffix.lower() in (".json", ".csv") and (size := len(content)) > MAX_JSON_BYTES:
         raise InputError(f"{path}: {size:,} bytes, more than `kpopnet score` reads; write .npz, or parts of the recording")
     write_whole(path, content)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dance_people import dance_joints_m, performed, turned
 
+from kpopnet.dance.joint_files import writing
 from kpopnet.dance.joint_files.reader import (
     read_performance,
     read_performances,
@@ -124,3 +125,14 @@ def test_what_cannot_be_written_is_told_in_one_line(tmp_path):
     with pytest.raises(InputError, match="lie in one point"):
         write_performance(tmp_path / "a.bvh", performed(joints_m))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_more_text_than_is_read_is_not_written(tmp_path, monkeypatch):
+    dance = performed(dance_joints_m(0, 3.0))
+    monkeypatch.setattr(writing, "MAX_JSON_BYTES", 5000)
+    for name in ("a.json", "a.csv"):
+        with pytest.raises(InputError, match=rf"{name}: \d+,\d+ bytes, more than `kpopnet score` reads; write .npz"):
+            write_performance(tmp_path / name, dance)
+    for name in ("a.npz", "a.bvh"):
+        write_performance(tmp_path / name, dance)
+    assert {path.name for path in tmp_path.iterdir()} == {"a.npz", "a.bvh"}
