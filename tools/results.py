@@ -35,7 +35,7 @@ RESULTS = ROOT / "results"
 PAGES = tuple(ROOT / name for name in ("README.md", "docs/results.md", "docs/compare.md", "kpopnet/weights/MODEL_CARD.md"))
 """Their tables are made from the files; every figure outside the tables that has a unit or a % names its file."""
 
-ALSO = (ROOT / "docs/trackers.md",)
+ALSO = (ROOT / "docs/trackers.md", ROOT / "docs/paper.md")
 """Pages some of whose figures name a file."""
 
 BLOCK = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
