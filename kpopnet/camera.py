@@ -16,7 +16,10 @@ MAX_MEDIAN_DEPTH_M = 50.0
 """No depth camera measures most of its pixels farther away; a person at 0.05 m is nearer than any measures in millimetres."""
 
 MIN_FARTHEST_M, FEW_PIXELS = 0.05, 20
-"""An image of more than a few pixels, all of them nearer, was no measurement in millimetres."""
+"""An image of more than a few pixels, all of them nearer, was no measurement in millimetres. A few pixels tell no unit."""
+
+UNMEASURED_M = 1e6
+"""No camera measures this far, in millimetres either: what is stored there is not measured."""
 
 MAX_IMAGE_PIXELS = 16_000_000
 """Cameras in files may have images of at most 16 megapixels."""
@@ -169,9 +172,10 @@ def depth_in_metres(
     """Converts depth given by a user, an (H, W) image or a (T, H, W) sequence, to float32 metres, 0 where nothing was measured.
 
     Unsigned integers are millimetres, the largest of 16 bits not measured; floating point is metres, negative and non-finite
-    values not measured. With a camera the depth must have its image size. Raises InputError, for `where`, the depth's name (a
-    file, a frame): wrong type, number of dimensions or size; no camera; or numbers that look like those of the other unit,
-    unless that is known, as from images before it or from a camera, before which a hand may be held.
+    values, and those of UNMEASURED_M or more, not measured. With a camera the depth must have its image size. Raises
+    InputError, for `where`, the depth's name (a file, a frame): wrong type, number of dimensions or size; no camera; or numbers
+    that look like those of the other unit, unless that is known, as from images before it or from a camera, before which a hand
+    may be held.
     """
     if camera is not None:
         check_camera(camera)
@@ -195,12 +199,13 @@ def depth_in_metres(
     elif depth.dtype.kind == "f":
         with np.errstate(over="ignore"):  # infinite as float32: not measured
             depth_m = np.maximum(depth, 0, dtype=np.float32, casting="same_kind")
-        if not np.isfinite(farthest_m := depth_m.max(initial=0)):  # as NaN is, if there is one
-            depth_m[~np.isfinite(depth_m)] = 0
+        if not (farthest_m := depth_m.max(initial=0)) < UNMEASURED_M:  # nor is NaN, if there is one
+            depth_m[~(depth_m < UNMEASURED_M)] = 0
             farthest_m = depth_m.max(initial=0)
         if (
             not unit_known
             and farthest_m > MAX_MEDIAN_DEPTH_M
+            and np.count_nonzero(depth_m) > FEW_PIXELS
             and (median := np.median(depth_m[depth_m > 0])) > MAX_MEDIAN_DEPTH_M
         ):
             raise InputError(
@@ -237,9 +242,11 @@ def _triples(what: str, given: ArrayLike) -> np.ndarray:
 def check_metres(where: str, camera: Camera, depth_m: object) -> None:
     """Raises InputError, for `where`, for anything but one (H, W) image of the camera in floating-point metres."""
     check_camera(camera)
-    if not isinstance(depth_m, np.ndarray) or depth_m.dtype.kind != "f":
+    if not isinstance(depth_m, np.ndarray) or depth_m.dtype not in (np.float32, np.float64):
         found = depth_m.dtype if isinstance(depth_m, np.ndarray) else type(depth_m).__name__
-        raise InputError(f"{where}: expected floating-point metres, got {found}; kpopnet.camera.depth_in_metres converts")
+        raise InputError(
+            f"{where}: expected floating-point metres of 32 or 64 bits, got {found}; kpopnet.camera.depth_in_metres converts"
+        )
     check_images(where, camera, depth_m)
 
 

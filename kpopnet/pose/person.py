@@ -70,7 +70,8 @@ class DetectedPerson:
 
     def see(self, human: Human, time_s: float) -> Pose | None:
         """The pose of the extracted person in the next image, taken at `time_s`; None where it is not known."""
-        return self.update(human.depth_m, human.cropped(self.camera), time_s, human.look)
+        pose = self.update(human.depth_m, human.cropped(self.camera), time_s, human.look)
+        return pose if np.isfinite(pose.joints_camera_m).any() else None
 
     def miss(self, time_s: float) -> None:
         """The next image, taken at `time_s`, does not show the person."""

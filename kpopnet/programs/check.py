@@ -118,7 +118,9 @@ def answers(images: NewestImage, camera: Camera, estimator: PoseEstimator) -> It
             before_s = time.process_time()
             people = estimator.update(image.depth_m, camera, image.taken)
             delay_s, processor_s = time.monotonic() - image.taken, time.process_time() - before_s
-            yield Answer(image.taken, delay_s, processor_s, image.depth_m, people, *learners.choose(people, image.taken))
+            yield Answer(
+                image.taken, delay_s, processor_s, image.depth_m, people, *learners.choose(people, image.taken, begun=True)
+            )
         elif images.ended:
             if images.error:
                 raise InputError(images.error)
@@ -132,7 +134,7 @@ def answers_as_fast(source: DepthSource, estimator: PoseEstimator) -> Iterator[A
         first_s, before_s = time_s if first_s is None else first_s, time.process_time()
         people = estimator.update(depth_m, source.camera, time_s)
         processor_s = time.process_time() - before_s
-        yield Answer(time_s - first_s, np.nan, processor_s, depth_m, people, *learners.choose(people, time_s))
+        yield Answer(time_s - first_s, np.nan, processor_s, depth_m, people, *learners.choose(people, time_s, begun=True))
 
 
 class Collected:

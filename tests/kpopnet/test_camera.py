@@ -126,8 +126,8 @@ def test_what_are_no_points_is_refused(wrong):
 def test_points_are_of_one_image_in_metres():
     camera = Camera.centred(50.0, 16, 12)
     for wrong, message in (
-        (np.full((12, 16), 2000, np.uint16), "depth image: expected floating-point metres, got uint16"),
-        ([[2.0]], "depth image: expected floating-point metres, got list"),
+        (np.full((12, 16), 2000, np.uint16), "depth image: expected floating-point metres of 32 or 64 bits, got uint16"),
+        ([[2.0]], "depth image: expected floating-point metres of 32 or 64 bits, got list"),
         (np.ones((12, 12)), r"an image of shape \(12, 12\), expected the camera's"),
         (np.ones((1, 12, 16)), r"an image of shape \(1, 12, 16\), expected the camera's"),
     ):

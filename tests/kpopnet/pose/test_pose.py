@@ -14,7 +14,7 @@ from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate, Start
 from kpopnet.finder.finder import FinderConfig, PersonFinder
 from kpopnet.human import Human
-from kpopnet.paper_extraction import PaperExtractor
+from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
 from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
@@ -114,6 +114,34 @@ def test_a_hand_before_the_lens_ends_nothing_once_the_unit_is_known():
     poses.reset()
     with pytest.raises(InputError, match="these look like metres"):
         poses.update(near, ROOM_CAMERA)
+
+
+@pytest.mark.parametrize("extraction", [FinderConfig(), PaperExtractionConfig()])
+@pytest.mark.parametrize("far", [np.uint16(60000), np.float32(60)])
+def test_a_covered_lens_whose_few_pixels_are_far_ends_nothing(extraction, far):
+    frames = np.stack(walking(4))
+    frames = np.rint(1000 * frames).astype(np.uint16) if far.dtype.kind == "u" else frames
+    noise, everywhere = np.zeros_like(frames[0]), np.full_like(frames[0], far)
+    noise[7, 9] = far
+    poses = PoseEstimator(Blob(), extraction=extraction)
+    for frame in (frames[0], noise, *frames[1:], noise):
+        poses.update(frame, ROOM_CAMERA)
+    if far.dtype.kind == "u":
+        assert poses.update(everywhere, ROOM_CAMERA) == []
+    else:
+        garbage = np.where(np.arange(frames.shape[2]) < 9, np.float32(1e30), frames[0])
+        assert poses.update(garbage, ROOM_CAMERA) is not None
+
+
+def test_who_has_no_joint_is_not_reported():
+    class Blind(Blob):
+        def estimate(self, depth_m, camera):
+            return Estimate.missing(len(depth_m))
+
+    frames = np.stack(walking(4))
+    poses = PoseEstimator(Blind())
+    assert [poses.update(frame, ROOM_CAMERA) for frame in frames] == [[]] * 4
+    assert poses.estimate(frames, ROOM_CAMERA) == []
 
 
 def test_large_images_are_reduced_before_anything_looks_at_them():
