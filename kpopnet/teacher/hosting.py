@@ -218,6 +218,9 @@ class _Limited:
         return self._server() if len(self._server.connections) < self._most else _Refusal(self._refused)
 
 
+TOO_MANY = "too many connections; close other windows of this page, and load it again"
+
+
 class _Refusal(asyncio.Protocol):
     def __init__(self, refused: set) -> None:
         self._refused = refused
@@ -227,7 +230,7 @@ class _Refusal(asyncio.Protocol):
             transport.abort()
             return
         self._refused.add(self)
-        text = b"too many connections; close other windows of this page, and load it again\n"
+        text = f"{TOO_MANY}\n".encode()
         head = f"HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain\r\nContent-Length: {len(text)}\r\n"
         transport.write(head.encode() + b"Retry-After: 5\r\nConnection: close\r\n\r\n" + text)
         asyncio.get_running_loop().call_later(REFUSAL_S, transport.abort)  # closed at once, the line might not arrive
