@@ -73,6 +73,20 @@ def test_large_images_lose_pixels_and_none_moves(width, height):
     assert depth_m[round(v), round(u)] == np.float32(z) and abs(u - round(u)) < 1e-3 > abs(v - round(v))
 
 
+@pytest.mark.parametrize(
+    ("fx", "fy", "width", "height"), [(300.0, 450.0, 320, 361), (600.0, 300.0, 640, 240), (290.0, 300.0, 320, 240)]
+)
+def test_of_pixels_that_are_not_square_the_nearest_of_square_ones_are_taken(fx, fy, width, height):
+    camera = Camera(fx, fy, 0.45 * width, 0.6 * height, width, height)
+    depth_m = np.random.default_rng(0).uniform(1, 4, (2, height, width)).astype(np.float32)
+    square_m, theirs = subsampled(depth_m, camera)
+    assert theirs.fx / theirs.fy == pytest.approx(1, abs=0.05) and square_m.shape == (2, theirs.height, theirs.width)
+    for row, column in ((0, 0), (theirs.height // 3, theirs.width // 2), (theirs.height - 1, theirs.width - 1)):
+        u, v, _ = camera.project(theirs.back_project([column, row, 2.0]))
+        near = depth_m[0, max(int(v - 0.01), 0) : int(v + 1.01) + 1, max(int(u - 0.01), 0) : int(u + 1.01) + 1]
+        assert square_m[0, row, column] in near and -0.6 < u < width - 0.4 and -0.6 < v < height - 0.4
+
+
 def test_what_is_no_depth_is_not_measured():
     depth = person(2.5, np.float64)
     depth[0, 0, :5] = np.nan, np.inf, -np.inf, -1, 1e300
