@@ -28,8 +28,8 @@ MOST_PIXELS, MOST_SIDE = 1280 * 720, 2048
 """Poses are estimated from every second pixel, or fewer, of larger images: networks and fits look at no more."""
 
 MOST_OBLONG = 1.25
-"""Pixels are taken for square up to this ratio of the focal lengths. Of 40 people before a camera of 1.5 the finder missed up to
-2 and found up to 8 twice, of 2 it missed up to 13."""
+"""Pixels are taken for square up to this ratio of the focal lengths. Of 40 people before a camera of 1.5 the finder missed up
+to 2 and found up to 8 twice, of 2 it missed up to 13."""
 
 MIN_FOCAL_PX, MAX_FOCAL_PX, MAX_CENTRE_PX = 1e-2, 1e6, 1e8
 """Others leave the range of float32 with what is computed from them; no depth camera comes near."""
@@ -285,9 +285,9 @@ def _with_square_pixels(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray
         return depth_m, camera
     sizes = [max(math.ceil(size / step - 0.5), 1) for size, step in zip((camera.width, camera.height), apart, strict=True)]
     columns, rows = (((np.arange(size) + 0.5) * step).astype(int) for size, step in zip(sizes, apart, strict=True))
-    middle = ((at - (step - 1) / 2) / step for at, step in zip((camera.cx, camera.cy), apart, strict=True))
+    cx, cy = ((at - (step - 1) / 2) / step for at, step in zip((camera.cx, camera.cy), apart, strict=True))
     square_m = np.ascontiguousarray(depth_m[..., rows, :][..., columns])
-    return square_m, Camera(camera.fx / apart[0], camera.fy / apart[1], *middle, *sizes)
+    return square_m, Camera(camera.fx / apart[0], camera.fy / apart[1], cx, cy, sizes[0], sizes[1])
 
 
 def tells_unit(depth_m: np.ndarray) -> bool:
