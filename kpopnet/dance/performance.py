@@ -40,7 +40,7 @@ OUTLIER_M = 0.15
 """A sample at this distance from the first line has half its weight in the second fit. The distance is far beyond noise and
 beyond the deviation of a dance from a straight line."""
 
-LONGEST_M = 5.0
+MAX_BONE_M = 5.0
 """No dancer's bones are longer, in the median; in centimetres they are 10 to 40, in millimetres hundreds."""
 
 TRUNK = [Joint.RIGHT_SHOULDER, Joint.LEFT_SHOULDER, Joint.RIGHT_HIP, Joint.LEFT_HIP]
@@ -90,7 +90,7 @@ class Performance:
         self.joints_m, self.confidence = mask_missing_joints(joints_m, confidence)
         lengths_m = bone_lengths(self.joints_m)
         known_m = lengths_m[np.isfinite(lengths_m)]
-        if len(known_m) and (length_m := np.median(known_m)) > LONGEST_M:
+        if len(known_m) and (length_m := np.median(known_m)) > MAX_BONE_M:
             raise InputError(f"bones of {length_m:.3g} m in the median: expected metres; of millimetres give joints_m / 1000")
 
     def __len__(self) -> int:

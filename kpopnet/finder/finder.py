@@ -73,7 +73,9 @@ class PersonFinder:
         """The people in the next image, as `kpopnet.pose.extraction.Extractor`: (H, W) metres, 0 where nothing was measured."""
         if time_s is not None:
             check_between("time_s", time_s, -LATEST_S, LATEST_S)
-        depth_m = image_in_metres(depth_m, self.camera, unit_known=True)  # who asked has looked, at images before it, too
+        depth_m = image_in_metres(
+            depth_m, self.camera, unit_known=True
+        )  # metres, as stated: a few far pixels of a covered lens tell nothing else
         given = self.config.least_certainty
         least = FOLLOWED_CERTAINTY if given is None else min(FOLLOWED_CERTAINTY, given)
         candidates = candidates_in(self._network, depth_m, self.camera, least)

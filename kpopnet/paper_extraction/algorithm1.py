@@ -73,7 +73,7 @@ class PaperExtractor:
         It is (H, W) float metres or uint16 millimetres, 0 where nothing was measured, and neither changed nor kept. Its time is
         not used: the paper counts images. Raises InputError unless it is one depth image of the camera's size.
         """
-        depth_m = image_in_metres(depth_m, self.camera, unit_known=True)  # as the finder does
+        depth_m = image_in_metres(depth_m, self.camera, unit_known=True)  # see `PersonFinder.extract`
         if not depth_m.any():
             return []
         config = self.config

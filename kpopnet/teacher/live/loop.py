@@ -47,8 +47,8 @@ NOBODY_PATIENCE_S = 20.0
 LOST_S = 3.0
 """How long the learner may be out of view before another person is taken for the learner."""
 
-BYSTANDERS, PEOPLE = 2, 2
-"""People whose joints are estimated beside the learners', and at least in all."""
+PEOPLE, BYSTANDERS = 2, 2
+"""People whose joints are estimated, where no lesson says how many learn; and in a lesson, beside the learners."""
 
 NEARER_M = 0.5
 """Before the dance begins, who stands nearer to the middle by this distance is the learner."""

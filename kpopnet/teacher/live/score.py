@@ -32,8 +32,8 @@ ROUNDING_S = 0.05
 """Seconds by which the last move may end after the last frame of the dance: nearly all cameras take the next one within."""
 
 AFTER_END_S, AFTER_END_PATIENCE_S = 0.1, 0.6
-"""For how long the dance goes on after its end at least, and where no image of that time has come yet, as a webcam's come late;
-the last move is judged by it."""
+"""Seconds for which a try goes on after the end of the dance: at least, and at most. The first image taken after the end, by
+which the last move is judged, comes in between; a webcam's comes late."""
 
 PRAISED_FROM = 90.0
 """A move with at least this score is praised: what differs in it may be the estimator's errors."""
