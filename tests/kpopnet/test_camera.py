@@ -89,7 +89,7 @@ def test_of_pixels_that_are_not_square_the_nearest_of_square_ones_are_taken(fx, 
 
 def test_what_is_no_depth_is_not_measured():
     depth = person(2.5, np.float64)
-    depth[0, 0, :5] = np.nan, np.inf, -np.inf, -1, 1e300
+    depth[0, 0, :6] = np.nan, np.inf, -np.inf, -1, 1e300, 1e16
     assert not depth_in_metres(depth)[0, 0].any()
 
 
@@ -140,6 +140,7 @@ def test_what_are_no_points_is_refused(wrong):
 def test_points_are_of_one_image_in_metres():
     camera = Camera.centred(50.0, 16, 12)
     for wrong, message in (
+        (np.full((12, 16), 2, np.float16), "depth image: expected floating-point metres of 32 or 64 bits, got float16"),
         (np.full((12, 16), 2000, np.uint16), "depth image: expected floating-point metres of 32 or 64 bits, got uint16"),
         ([[2.0]], "depth image: expected floating-point metres of 32 or 64 bits, got list"),
         (np.ones((12, 12)), r"an image of shape \(12, 12\), expected the camera's"),

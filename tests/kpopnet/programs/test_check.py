@@ -205,14 +205,18 @@ class Compiling(Estimator):
         return super().update(*given)
 
 
-def test_a_person_before_a_live_camera_is_told_what_to_do(check, shorter, monkeypatch):
+@pytest.mark.parametrize("source", ["realsense", "-"])
+def test_a_person_before_a_live_camera_is_told_what_to_do(check, shorter, monkeypatch, source):
+    """The address of what standard input brings has a secret in it, which the sheet does not show."""
+    monkeypatch.setattr("kpopnet.programs.check.shared_live", lambda _: contextlib.nullcontext("stdin:1/5ec4e7"))
     monkeypatch.setattr("kpopnet.programs.check.load_estimator", lambda checkpoint: Compiling())
     monkeypatch.setattr("kpopnet.programs.check.NOBODY_PATIENCE_S", 0)  # but for what is compiled
     monkeypatch.setattr("kpopnet.programs.check.open_live", Live)
     monkeypatch.setattr("kpopnet.programs.check.READY_S", Live.READY_S)
     monkeypatch.setattr(Live, "told_to_leave", Live.told_to_leave)
     monkeypatch.setattr("kpopnet.programs.check.print", Live.hear, raising=False)
-    printed = check("realsense")
+    printed = check(source)
+    assert f"Acceptance sheet: {source}" in printed and "5ec4e7" not in printed
     told = [printed.index(step.told) for step in check_script.SCRIPT]
     assert told == sorted(told) and printed.index("you are found; leave") < told[0]
     found = rows(printed)

@@ -133,6 +133,18 @@ def test_what_comes_before_damage_is_written_and_the_damage_is_told(predict, tmp
     assert "0.png" in predict(folder, *CAMERA_WORDS, fails=True)
 
 
+def test_of_a_recording_that_turns_out_too_long_what_fits_is_written(predict, tmp_path, monkeypatch):
+    monkeypatch.setattr("kpopnet.programs.predict.MAX_DURATION_S", 1.0)
+    times_s = np.append(np.arange(4) / 30, 1.5)
+    np.savez(tmp_path / "a.npz", depth=recording()[:5], camera=astuple(CAMERA), times_s=times_s)
+    error = predict(tmp_path / "a.npz", "--segmented", "--format", "npz", fails=True)
+    assert "an image at 1.5 s; expected times" in error and "written is what the 4 images before it show" in error
+    np.testing.assert_array_equal(np.load(tmp_path / "out" / "joints.npz")["times_s"], times_s[:4])
+    assert "--segmented is for depth that shows one person" in predict(
+        tmp_path / "a.npz", "--segmented", "--people", 2, fails=True
+    )
+
+
 def test_a_recording_that_goes_on_is_shown_as_far_as_it_was_read(tmp_path):
     np.savez(tmp_path / "a.npz", depth=recording(), camera=astuple(CAMERA))
     draw(open_depth(tmp_path / "a.npz"), [], np.arange(5) / 30, tmp_path, gif=False)

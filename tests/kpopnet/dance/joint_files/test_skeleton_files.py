@@ -59,38 +59,34 @@ def test_a_gltf_file_holds_the_dance(tmp_path, in_bvh, name, options):
         np.testing.assert_allclose(read_performance(path).joints_m[1::2], between_m, atol=0.012)
 
 
+def first_keys(content, count):
+    """The one animation of a glTF file, cut to its first keys."""
+    (dance,), own = content["animations"], {}
+    for sampler in dance["samplers"]:
+        for number in (sampler["input"], sampler["output"]):
+            if number not in own:
+                own[number] = len(content["accessors"])
+                content["accessors"].append(content["accessors"][number] | {"count": count})
+    return dance | {"samplers": [one | {"input": own[one["input"]], "output": own[one["output"]]} for one in dance["samplers"]]}
+
+
 def test_of_several_animations_in_a_gltf_file_the_longest_is_the_dance(tmp_path, in_bvh):
     def with_a_pose(content):
         """A short animation before the dance, and another after it: its first three keys."""
-        (dance,), own = content["animations"], {}
-        for sampler in dance["samplers"]:
-            for number in (sampler["input"], sampler["output"]):
-                if number not in own:
-                    own[number] = len(content["accessors"])
-                    content["accessors"].append(content["accessors"][number] | {"count": 3})
-        samplers = [one | {"input": own[one["input"]], "output": own[one["output"]]} for one in dance["samplers"]]
-        content["animations"] = [dance | {"samplers": samplers}, dance, dance | {"samplers": samplers}]
+        (dance,), pose = content["animations"], first_keys(content, 3)
+        content["animations"] = [pose, dance, pose]
 
     assert_same_dance(write_gltf(tmp_path / "a.glb", DANCE, change=with_a_pose), in_bvh)
 
 
 def test_an_animation_of_a_camera_that_lasts_longer_is_not_the_dance(tmp_path, in_bvh):
     def filmed(content):
-        """The dance's first arm moves, and then for as long as the dance a camera does."""
-        (dance,) = content["animations"]
+        """The first half of the dance, and for the whole of it a camera that moves."""
+        (dance,), half = content["animations"], first_keys(content, 30)
         content["nodes"].append({"name": "Camera"})
-        camera = [
-            {"sampler": one["sampler"], "target": one["target"] | {"node": len(content["nodes"]) - 1}}
-            for one in dance["channels"][:1]
-        ]
-        short = {}
-        for sampler in dance["samplers"]:
-            for number in (sampler["input"], sampler["output"]):
-                if number not in short:
-                    short[number] = len(content["accessors"])
-                    content["accessors"].append(content["accessors"][number] | {"count": 30})
-        samplers = [one | {"input": short[one["input"]], "output": short[one["output"]]} for one in dance["samplers"]]
-        content["animations"] = [dance | {"channels": camera}, dance | {"samplers": samplers}]
+        first, number = dance["channels"][0], len(content["nodes"]) - 1
+        camera = dance | {"channels": [first | {"target": first["target"] | {"node": number}}]}
+        content["animations"] = [camera, half]
 
     read = read_performance(write_gltf(tmp_path / "a.glb", DANCE, change=filmed))
     expected = in_bvh.joints_m[: len(read) // 2]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dance_people import dance_joints_m, performed, turned
 
-from kpopnet.dance.joint_files import writing
+from kpopnet.dance.joint_files import reader, writing
 from kpopnet.dance.joint_files.reader import (
     read_performance,
     read_performances,
@@ -125,6 +125,13 @@ def test_what_cannot_be_written_is_told_in_one_line(tmp_path):
     with pytest.raises(InputError, match="lie in one point"):
         write_performance(tmp_path / "a.bvh", performed(joints_m))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_more_frames_than_a_process_should_hold_do_not_leave_the_one_that_read_them(tmp_path, monkeypatch):
+    write_performance(tmp_path / "a.npz", performed(dance_joints_m(0, 3.0)))
+    monkeypatch.setattr(reader, "MOST_FRAMES", 80)
+    with pytest.raises(InputError, match=r"a\.npz: expected at most 80 frames, found 90"):
+        reader._arrays(tmp_path / "a.npz", [], None, None)
 
 
 def test_more_text_than_is_read_is_not_written(tmp_path, monkeypatch):

@@ -266,6 +266,14 @@ def test_each_picture_of_a_webcam_is_used_when_it_comes(library, monkeypatch):
             assert server.poll(20) and server.recv()[1] == "frame"
 
 
+def test_a_webcam_that_is_let_go_of_is_not_waited_for(library, monkeypatch):
+    monkeypatch.setattr("kpopnet.teacher.live.webcam.SILENCE_S", 1000.0)
+    lesson = Lesson("dance_001", source=WEBCAM, to_s=4.0)
+    running = loop.RunningLesson(lesson, library.dance("dance_001"), None, SimpleNamespace(), lambda *_: None)
+    running.close()
+    assert not running.images._thread.is_alive()
+
+
 @pytest.mark.parametrize("held", [2], indirect=True)
 def test_two_learners_are_scored_each_by_the_teacher_and_both_by_each_other(held):
     server, _ = held

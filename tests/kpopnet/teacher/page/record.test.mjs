@@ -176,6 +176,19 @@ test("a cut recording begins and ends with its excerpt, and keeps the times in b
   assert.deepEqual(cutOut([1, 1.004, 2.996, 3].map((time_s) => [time_s, []]), 1, 3).frames.map(({ time_s }) => time_s), [0, 2]); // none twice
 });
 
+test("of a dance that was recorded to a song and cut it is kept where in the song it begins", async () => {
+  globalThis.OfflineAudioContext = class { decodeAudioData = async () => null; };
+  localStorage.setItem("teach.song.mine.mp3", JSON.stringify({ bpm: 120, one_s: 1 }));
+  drop("mine.mp3");
+  await settled();
+  await dance(12);
+  part("start").listeners.click();
+  part("from").value = "4";
+  await saved();
+  assert.deepEqual(JSON.parse(localStorage.getItem("teach.begins.mine")), { name: "mine.mp3", from_s: 2 });
+  globalThis.OfflineAudioContext = class { decodeAudioData = () => new Promise(() => {}); };
+});
+
 test("a song that is dropped while a dance is recorded is taken, and the recording goes on", async () => {
   await dance(5);
   drop("new.mp3");

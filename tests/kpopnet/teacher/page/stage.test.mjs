@@ -161,6 +161,13 @@ test("a dance of the library follows a song's beats, one's own keeps its tempo",
     assert.deepEqual([sent[0].lesson.speed, audio.currentTime, audio.playbackRate].map((one) => Number(one.toFixed(6))), [speed, at_s, rate]);
     leave();
   }
+  localStorage.setItem("teach.begins.own_001", JSON.stringify({ name: "fast.mp3", from_s: 3 })); // of the song that is chosen
+  const { get, leave } = await opened("phrase=1&speed=60"), audio = get("song");
+  get("music").value = "song";
+  begin(get);
+  assert.ok(Math.abs(audio.currentTime - 6.82) < 1e-6, audio.currentTime);
+  leave();
+  localStorage.setItem("teach.begins.own_001", "null");
   remember("speed", 100);
 });
 
