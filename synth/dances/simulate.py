@@ -31,7 +31,7 @@ from synth.dances.skill import LEVELS, Mistake, SkillConfig, draw_strengths, lea
 from synth.motion import SPLITS
 from synth.motion.choreography.composer import dance
 from synth.motion.skeleton import Motion
-from synth.motion.splice import turned_to_front
+from synth.motion.splice import cut, resampled, turned_to_front
 from synth.samples.layers import silhouette_box, widened
 from synth.samples.observe import MARGIN_PX
 from synth.scene.room import ViewConfig
@@ -59,6 +59,8 @@ MAX_TRAVEL_M = 1.0
 """Dances whose horizontal range, along either axis, is larger are rejected: they do not fit in front of one camera. Recorded
 ones are looked at before they are turned to the camera, so that the same are taken either way."""
 
+EXCERPT_STEP_S = 0.5  # where an excerpt of a recording is rejected, the next one tried begins as much later
+
 SHEET_DANCES, TILES, TILE_PX = 3, 8, 160
 
 DANCE_TRIES, PERSON_TRIES, ROOM_TRIES = 100, 8, 16
@@ -73,7 +75,8 @@ class KpopSimConfig:
     Attributes:
         name: name of the benchmark.
         seed: another seed gives other dances, people and errors.
-        dances: number of dances to make; they are the first ones of the whole set.
+        dances: greatest number of dances to make; they are the first ones of the whole set. Recordings (motion=clips) may have
+            fewer excerpts.
         split: test is the benchmark; train and validation contain other dances by other people, for calibration.
         faults: family of the learners' faults: skill for the model of skill; mixed for a second, independent family, in which
             a better level has less of every fault (synth/dances/faults.py); ends for a perfect learner, another dance, random
@@ -127,12 +130,22 @@ class KpopSim(SetGenerator):
     sensor: SensorConfig = SENSORS["kinect_2"]
     # differences between the levels, by default at the spacing of the family of faults; mixed uses the spacing alone
     skill: SkillConfig | None = None
-    seconds: tuple[float, float] = (15.0, 18.0)  # least and greatest length of a dance, seconds
+    # least and greatest length of a dance, seconds; recorded ones have the least, so that more of them fit into a recording
+    seconds: tuple[float, float] = (15.0, 18.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.skill is None:
             object.__setattr__(self, "skill", SkillConfig(SPACING[self.benchmark.faults]))
+
+    @property
+    def version(self) -> int:
+        # From 6 on no two excerpts of recordings overlap; composed sets are the same.
+        return 6 if self.motion.source == "clips" else self.generator
+
+    @property
+    def size(self) -> int:
+        return min(super().size, len(self.excerpts)) if self.motion.source == "clips" else super().size
 
     @property
     def level_names(self) -> tuple[str, ...]:
@@ -158,26 +171,54 @@ class KpopSim(SetGenerator):
         return self._rng("order", index).permutation(len(LEVELS)).tolist()
 
     def _teacher_motion(self, index: int) -> Motion:
-        """The teacher's motion; raises InputError if no recording is a dance that is long and stays within MAX_TRAVEL_M."""
+        """The teacher's motion. Raises InputError if the recordings have fewer excerpts than `index` + 1."""
+        if self.motion.source == "clips":
+            return self._recorded(index)
         for attempt in range(DANCE_TRIES):
             rng = self._rng("dance", index, attempt)
             seconds = rng.uniform(*self.seconds)
-            recorded = self.motion.source == "clips"
-            motion = self._recorded(rng, seconds) if recorded else dance(0, int(rng.integers(2**63)), seconds, FPS)
-            offset_m = (motion.root_m - motion.root_m[0])[:, [0, 2]]
-            long_enough = len(motion) >= self.seconds[0] * FPS - 1
-            if long_enough and np.ptp(offset_m, axis=0).max() < MAX_TRAVEL_M and not is_faulty(motion):
-                return turned_to_front(motion) if recorded and self.benchmark.facing == "camera" else motion
-        raise InputError(
-            f"{dance_name(index)}: none of {DANCE_TRIES} recordings drawn lasts {self.seconds[0]:g} s, stays within "
-            f"{MAX_TRAVEL_M} m and has no jumps; give other recordings, or take motion=choreography"
-        )
+            motion = dance(0, int(rng.integers(2**63)), seconds, FPS)
+            if is_danceable(motion):
+                return motion
+        raise InputError(f"{dance_name(index)}: none of {DANCE_TRIES} dances composed stays within {MAX_TRAVEL_M} m")
 
-    def _recorded(self, rng: np.random.Generator, seconds: float) -> Motion:
-        dances = self.recordings.clip_indices("dance")
-        if not dances:
-            raise InputError(f"motion.path={self.motion.path}: no clip of category dance in its split")
-        return self.excerpt(rng, int(rng.choice(dances)), FPS, round(seconds * FPS))
+    def _recorded(self, index: int) -> Motion:
+        if index >= len(self.excerpts):
+            found = f"its recordings have {len(self.excerpts)} excerpts that can be danced, none for {dance_name(index)}"
+            raise InputError(f"motion.path={self.motion.path}: {found}")
+        clip, start = self.excerpts[index]
+        motion = cut(self._resampled(clip), start, start + self._excerpt_frames)
+        return turned_to_front(motion) if self.benchmark.facing == "camera" else motion
+
+    @cached_property
+    def excerpts(self) -> list[tuple[int, int]]:
+        """The recording and first frame of each recorded dance, in random order: no two have a frame in common.
+
+        In each recording the earliest excerpt that can be danced is taken, then the earliest one after it, and so on. Raises
+        InputError if there is none.
+        """
+        found, frames = [], self._excerpt_frames
+        for clip in self.recordings.clip_indices("dance"):
+            motion, start = self._resampled(clip), 0
+            while start + frames <= len(motion):
+                if is_danceable(cut(motion, start, start + frames)):
+                    found.append((clip, start))
+                    start += frames
+                else:
+                    start += round(EXCERPT_STEP_S * FPS)
+        if not found:
+            raise InputError(
+                f"motion.path={self.motion.path}: no recording of category dance in its split has {self.seconds[0]:g} s that "
+                f"stay within {MAX_TRAVEL_M} m and have no jumps; give other recordings, or take motion=choreography"
+            )
+        return [found[number] for number in self._rng("dance").permutation(len(found))]
+
+    @property
+    def _excerpt_frames(self) -> int:
+        return round(self.seconds[0] * FPS)
+
+    def _resampled(self, clip: int) -> Motion:
+        return resampled(self.recordings.motion(clip), FPS)
 
     def teacher_joints_m(self, index: int) -> np.ndarray:
         """(T, 15, 3) float32 joints of the teacher of dance `index`, metres, in the frame of a level camera that they face."""
@@ -187,7 +228,7 @@ class KpopSim(SetGenerator):
     def learner(self, index: int, learner: int) -> LearnerMotion:
         level, teacher = self.levels(index)[learner], self.teacher_motion(index)
         if self.benchmark.faults == "ends":
-            rng, another = self._rng("faults", index, learner), self.teacher_motion(index + DANCES)
+            rng, another = self._rng("faults", index, learner), self.teacher_motion(self._another(index))
             return LearnerMotion(level, {}, end_motion(ENDS[level], teacher, another, rng), [])
         if self.benchmark.faults == "mixed":
             severity = self.skill.severity(level)
@@ -196,6 +237,14 @@ class KpopSim(SetGenerator):
         rng = self._rng("skill", index, learner)
         strengths = draw_strengths(rng, level, self.skill)
         return LearnerMotion(level, asdict(strengths), *learn(teacher, strengths, rng))
+
+    def _another(self, index: int) -> int:
+        """The number of another dance than `index`: a composed one that is not in the set, or the next excerpt."""
+        if self.motion.source != "clips":
+            return index + DANCES
+        if len(self.excerpts) == 1:
+            raise InputError(f"motion.path={self.motion.path}: benchmark.faults=ends needs two dances, its recordings have one")
+        return (index + 1) % len(self.excerpts)
 
     def take(self, index: int, learner: int, motion: Motion) -> Take:
         """Draws the person, room and view; raises InputError if the whole dance is visible from no position."""
@@ -284,6 +333,12 @@ class KpopSim(SetGenerator):
                 strengths = "".join(f", {kind} {value:.2f}" for kind, value in learner.about["strengths"].items())
                 rows.append((f"{name}, learner {learner.name}: {learner.about['level']}{strengths}", tiles))
         return sheet(rows, (TRUE,), f"{manifest['about']} Depth of the person alone, true joints")
+
+
+def is_danceable(motion: Motion) -> bool:
+    """Whether a motion stays within MAX_TRAVEL_M and is not faulty."""
+    travel_m = np.ptp((motion.root_m - motion.root_m[0])[:, [0, 2]], axis=0).max()
+    return bool(travel_m < MAX_TRAVEL_M) and not is_faulty(motion)
 
 
 def connected(depth_m: np.ndarray) -> np.ndarray:

@@ -108,13 +108,18 @@ class SetGenerator(ABC):
         benchmark = settings["benchmark"]
         del benchmark[f"{self.part}s"]
         children = benchmark.get("children", 0.0)
-        # Sets of adults, of composed dances, and of recorded ones as they were, are known by the settings of before.
+        # Sets of adults, and of composed dances, are known by the settings of before there were others.
         if not children:
             benchmark.pop("children", None)
-        if not self.motion.uses_clips or benchmark.get("facing") == "recording":
+        if not self.motion.uses_clips:
             benchmark.pop("facing", None)
-        settings |= {"generator": self.generator, "body_asset": digest(children > 0)} | identity_of_recordings(self.motion)
+        settings |= {"generator": self.version, "body_asset": digest(children > 0)} | identity_of_recordings(self.motion)
         return json.dumps(settings, sort_keys=True)
+
+    @property
+    def version(self) -> int:
+        """That of the generator, for this configuration."""
+        return self.generator
 
     @property
     def hash(self) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import synth.dances.simulate
+import synth.simulated.generator
 from kpopnet.datasets.dances.dance_set import KpopSet
 from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
@@ -18,7 +19,9 @@ from kpopnet.skeleton import Joint
 from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, connected
 from synth.dances.skill import LEVELS
 from synth.motion import SPLITS, MotionConfig
-from synth.motion.recorded import open_clips
+from synth.motion.choreography.composer import dance
+from synth.motion.recorded import Recordings, open_clips
+from synth.motion.skeleton import Motion
 from synth.sensor.film_noise import FilmNoise
 from synth.sensor.model import SENSORS
 from synth.simulated.film import measure_frame
@@ -162,17 +165,54 @@ def test_only_clips_of_category_dance_are_used(tmp_path):
     assert open_clips(tmp_path, "test").clip_indices("dance") == [0, 1]
     (tmp_path / "index.csv").write_text("\n".join(lines[:2]) + "\n")
     maker = replace(SHORT, motion=MotionConfig(source="clips", path=str(tmp_path)))
-    with pytest.raises(InputError, match="no clip of category dance"):
+    with pytest.raises(InputError, match=r"no recording of category dance in its split has 0\.8 s"):
         maker.teacher_motion(0)
 
 
+PACK = MotionConfig("clips", path="pack")
+
+
+def recordings_of(*motions: Motion) -> Recordings:
+    return Recordings(lambda number: (motions[number], np.ones(len(motions[number]), bool)), ["dance"] * len(motions))
+
+
+def of_recordings(monkeypatch, *motions: Motion, **settings) -> KpopSim:
+    """A maker of dances of 0.8 s of these recordings."""
+    monkeypatch.setattr(synth.simulated.generator, "build_motion", lambda *_: recordings_of(*motions))
+    return KpopSim(KpopSimConfig(**settings), PACK, seconds=(0.8, 1.0))
+
+
+def test_excerpts_of_recordings_share_no_frame_and_leave_out_what_cannot_be_danced(monkeypatch):
+    long, short, leaping = dance(0, 5, 6.0, FPS), dance(0, 6, 0.7, 60.0), dance(0, 7, 3.0, FPS)
+    leaping.root_m[30:, 0] += 3.0  # whoever is in both halves of it leaves the stage
+    maker = of_recordings(monkeypatch, long, short, leaping)
+    frames = [(clip, frame) for clip, start in maker.excerpts for frame in range(start, start + 24)]
+    assert len(frames) == len(set(frames)) and {clip for clip, _ in maker.excerpts} == {0, 2}
+    assert sorted(start for clip, start in maker.excerpts if clip == 0) == [24 * number for number in range(len(long) // 24)]
+    assert sorted(start for clip, start in maker.excerpts if clip == 2) == [0, 39, 63]
+    assert [len(maker.teacher_motion(index)) for index in range(len(maker.excerpts))] == [24] * len(maker.excerpts)
+    assert of_recordings(monkeypatch, long, short, leaping, seed=3).excerpts != maker.excerpts
+    assert maker.size == len(maker.excerpts) and replace(maker, benchmark=KpopSimConfig(dances=2)).size == 2
+    with pytest.raises(InputError, match=f"have {len(maker.excerpts)} excerpts that can be danced, none for dance_040"):
+        maker.teacher_motion(40)
+
+
+def test_another_recorded_dance_is_another_excerpt(monkeypatch):
+    maker = of_recordings(monkeypatch, dance(0, 5, 1.7, FPS), faults="ends")
+    danced = [maker.teacher_motion(index).quats for index in range(2)]
+    for index, number in itertools.product(range(2), range(4)):
+        learner = maker.learner(index, number)
+        if maker.level_names[learner.level] == "another dance":
+            np.testing.assert_allclose(learner.motion.quats, danced[1 - index], atol=1e-6)
+    with pytest.raises(InputError, match="needs two dances"):
+        of_recordings(monkeypatch, dance(0, 5, 0.9, FPS), faults="ends").learner(0, 0)
+
+
 def test_recorded_dancers_face_the_camera_and_dance_the_same_as_in_their_recording(monkeypatch):
-    composed = SHORT.teacher_motion(0)
+    composed = dance(0, 5, 0.9, FPS)
     turned = replace(composed, quats=composed.quats.copy())
     turned.quats[:, 0] = multiply(about(1, np.array(1.4)), composed.quats[:, 0])
-    monkeypatch.setattr(KpopSim, "_recorded", lambda self, rng, seconds: turned)
-    pack = MotionConfig("clips", path="pack")
-    recorded = {facing: KpopSim(KpopSimConfig(facing=facing), pack, seconds=(0.8, 1.0)) for facing in ("camera", "recording")}
+    recorded = {facing: of_recordings(monkeypatch, turned, facing=facing) for facing in ("camera", "recording")}
     joints_m = {facing: maker.teacher_joints_m(0) for facing, maker in recorded.items()}
     across_m = {facing: (m[:, Joint.LEFT_SHOULDER] - m[:, Joint.RIGHT_SHOULDER]).mean(axis=0) for facing, m in joints_m.items()}
     assert across_m["camera"][0] > 4 * abs(across_m["camera"][2])
@@ -181,12 +221,10 @@ def test_recorded_dancers_face_the_camera_and_dance_the_same_as_in_their_recordi
     np.testing.assert_allclose(*apart, atol=1e-4)
 
 
-def test_sets_of_before_there_was_a_facing_are_still_known(tmp_path):
+def test_composed_sets_are_known_by_the_settings_of_before_there_were_recorded_ones(tmp_path):
     (tmp_path / "index.csv").write_text("clip_id,file,category,split,seconds\n")
-    pack = MotionConfig("clips", path=str(tmp_path))
     settings = [
-        json.loads(replace(SHORT, benchmark=KpopSimConfig(facing=facing), motion=motion).as_json())["benchmark"]
-        for motion in (SHORT.motion, pack)
-        for facing in ("camera", "recording")
+        json.loads(replace(SHORT, motion=motion).as_json())
+        for motion in (SHORT.motion, MotionConfig("clips", path=str(tmp_path)))
     ]
-    assert ["facing" in one for one in settings] == [False, False, True, False]
+    assert [("facing" in one["benchmark"], one["generator"]) for one in settings] == [(False, 5), (True, 6)]
