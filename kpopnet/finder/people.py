@@ -161,7 +161,7 @@ def certainty(people: People) -> np.ndarray:
     return 1 / (1 + np.exp(-(SURE[0] + certainty_features(people) @ SURE[1:])))
 
 
-TOGETHER = (-0.40, 0.57, 0.63)
+TOGETHER = (-0.37, 0.57, 0.67)
 """Constant and weights of a logistic regression on the log odds of a person by the finder and by the network that ships, fitted
 by tools/fit_person.py on scenes of validation."""
 

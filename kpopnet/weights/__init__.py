@@ -22,10 +22,10 @@ FOLDER = Path(__file__).parent
 
 SHA256: dict[str, dict[str, str]] = {
     "joints": {
-        "model.safetensors": "ee381b09e16c37197023ffa8f4d97c9786d88d51df83f161bb2c935e69fda04e",
-        "meta.json": "b1e8d80966729fcedfbeb9f239c0021b0be0e2226e8811b4c24060c78641a1be",
-        "person.safetensors": "a55cd8803082a113a0e21259759d65def759426ad04e148382bc85434835636f",
-        "graph.onnx": "7e9c2998b36af773e6522af15997fab2bdb54ee70b2678794268a4e8bd8c1984",
+        "model.safetensors": "95184bbbf4bbd8d93f72bb3d631cf5dd63166244931201855e9842badb1d1315",
+        "meta.json": "dbea9967f407cb9f985e8186f3ed5ed1b7757f8a5ce741fb956b7cd51dc54914",
+        "person.safetensors": "47ed4e2e4f92202636f3b55663f2b02d9a7bc0691cd4d1c4f33318d3ee3c5f5d",
+        "graph.onnx": "9f154288926ad4a2d34c83f95ed6c253e0b8442614cf5365e54a624879cf3b0d",
     },
     "finder": {
         "finder.safetensors": "55314707dd7e2e31d185173ca28dcf94dc1a4ec2332f9e9c460e161d9afc55eb",
