@@ -4,8 +4,8 @@
     python tools/graded_learners.py data/graded/best_clips --dances 12 --mode best --clips PACK
     python tools/graded_learners.py data/graded/fresh --dances 5 --rounds 1 --split validation --seed 7 --seconds 10
 
-Dances are those of `kpop_sim` of another seed, each learner is another person. A file holds the teacher's joints, the
-learner's true ones, and what the image network and the fit to the depth say of every frame
+Dances are those of `kpop_sim` of another seed, each learner is another person. A file holds the name of the motion, the
+teacher's joints, the learner's true ones, and what the image network and the fit to the depth say of every frame
 (`kpopnet.networks.over_time.Measured`), so that another estimate from these needs no new images. Finished files stay when it is
 run again; a folder takes those of one network, mode, seed, split and length. tools/measure_noise.py reads them. Run from the
 root of a checkout with `PYTHONPATH=.`.
@@ -123,7 +123,8 @@ class Learners:
             rows.append(person.update(depth_m[0], camera, len(rows) / FPS).measured)
         columns = zip(Measured._fields, zip(*rows, strict=True), strict=True)
         measured = {name: np.array(column, np.float32) for name, column in columns}
-        return measured | {"true_m": true_m, "teacher_m": self.set.teacher_joints_m(dance), "fps": np.array(FPS)}
+        about = {"motion": np.array(self.set.teacher_motion(dance).name), "fps": np.array(FPS)}
+        return measured | about | {"true_m": true_m, "teacher_m": self.set.teacher_joints_m(dance)}
 
 
 @user_errors
@@ -139,9 +140,10 @@ def main() -> None:
     asked = "whom the network sees twice: everybody, or those whose confidence is low (%(default)s)"
     parser.add_argument("--mode", choices=("best", "realtime"), default="realtime", help=asked)
     given = parser.parse_args()
-    made_with = {name: getattr(given, name) for name in ("seed", "split", "seconds", "clips", "mode")}
-    claim_folder(given.out, "*.npz", {"weights": SHA256["joints"][WEIGHTS], "passes": PASSES} | made_with)
     learners = Learners(given.split, given.seed, given.clips, given.seconds, given.mode)
+    made_with = {name: getattr(given, name) for name in ("seed", "split", "seconds", "clips", "mode")}
+    made_by = {"weights": SHA256["joints"][WEIGHTS], "passes": PASSES, "set": learners.set.hash}
+    claim_folder(given.out, "*.npz", made_by | made_with)
     number = 0
     for chosen in ROUNDS[: given.rounds]:
         for dance in range(given.dances):

@@ -9,8 +9,8 @@
 
 Folders hold dances in the K-Pop format, or what tools/graded_learners.py makes. What perfect dancing keeps is learnt from every
 learner compared with their own true joints, so that only the sensor and the estimator differ; beside teachers as the estimator
-sees them, from the perfect learners alone. The table's uncertainty is that of scores whose dance was left out. Run from the
-root of a checkout with `PYTHONPATH=.`.
+sees them, from the perfect learners alone. What is printed of scores is with the noise and the spread that other dances give,
+of other recordings: excerpts of the scored one's are left out with it. Run from the root of a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
@@ -65,6 +65,12 @@ class Seen(NamedTuple):
     true: Performance
     estimated: Performance
     shown: Performance | None = None  # the teacher as the estimator sees them, whom the estimated joints are compared with
+    recording: str = ""  # of which the dance is an excerpt, if it is known
+
+    @property
+    def unit(self) -> str:
+        """What is left out together when a learner is scored by what the others give."""
+        return self.recording or self.dance
 
     @property
     def is_perfect(self) -> bool:
@@ -107,7 +113,7 @@ def of_films(folder: Path, estimator: str) -> list[Seen]:
         measurements = Measured(*(film[name] for name in Measured._fields))
         joints_m, confidence = estimates[estimator](measurements, true.times_s)
         estimated = Performance(joints_m, true.times_s, confidence)
-        found.append(Seen(str(folder / number), fault, teacher, true, estimated))
+        found.append(Seen(str(folder / number), fault, teacher, true, estimated, recording=str(film["motion"])))
     return found
 
 
@@ -220,17 +226,31 @@ def scored(one: Seen, noise: EstimatorNoise) -> Scored:
 
 
 def scored_by_others(learners: Sequence[Seen], sees_depth: bool = True) -> list[Scored]:
-    """The scores of all learners, each with the noise that the other dances give; `sees_depth` as for `own_errors`."""
-    own, found = [(one.dance, own_errors(one, sees_depth)) for one in compared(learners)], dict[int, Scored]()
-    for dance in sorted({one.dance for one in learners}):
-        noise = measured([errors for of, errors in own if of != dance], sees_depth)
-        found |= {number: scored(one, noise) for number, one in enumerate(learners) if one.dance == dance}
+    """The scores of all learners, each with the noise that the other units give; `sees_depth` as for `own_errors`.
+
+    Their uncertainty is that of spread 1.
+    """
+    own, found = [(one.unit, own_errors(one, sees_depth)) for one in compared(learners)], dict[int, Scored]()
+    for unit in sorted({one.unit for one in learners}):
+        noise = measured([errors for of, errors in own if of != unit], sees_depth)
+        found |= {number: scored(one, noise) for number, one in enumerate(learners) if one.unit == unit}
     return [found[number] for number in range(len(learners))]
 
 
 def spread(scores: Sequence[Scored]) -> float:
     """The spread with which 95 % of true scores lie within the uncertainty; `scores` have that of spread 1."""
     return float(np.quantile([abs(one.known - one.true) / max(one.uncertainty, 1e-9) for one in scores], 0.95))
+
+
+def spread_by_others(learners: Sequence[Seen], scores: Sequence[Scored]) -> list[Scored]:
+    """Scores of spread 1 with the uncertainty of the spread that the other units give."""
+    widths = {
+        unit: spread([score for one, score in zip(learners, scores, strict=True) if one.unit != unit])
+        for unit in {one.unit for one in learners}
+    }
+    return [
+        score._replace(uncertainty=widths[one.unit] * score.uncertainty) for one, score in zip(learners, scores, strict=True)
+    ]
 
 
 def summary(learners: Sequence[Seen], scores: Sequence[Scored]) -> str:
@@ -338,12 +358,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print(summary(learners, [scored(one, noise) for one in learners]))
         print(lateness(learners, noise))
         return
-    if len({one.dance for one in learners}) < 2:
+    if len({one.unit for one in learners}) < 2:
         raise InputError(f"{given.folders[0]}: one dance; the uncertainty is measured on other dances than the noise")
     scores = scored_by_others(learners)
-    width = round(spread(scores), 3)
-    noise = measured([own_errors(one) for one in compared(learners)])._replace(spread=width)
-    scores = [one._replace(uncertainty=width * one.uncertainty) for one in scores]
+    noise = measured([own_errors(one) for one in compared(learners)])._replace(spread=round(spread(scores), 3))
+    scores = spread_by_others(learners, scores)
     for folder in given.folders if len(given.folders) > 1 else ():
         of_it = [number for number, one in enumerate(learners) if Path(one.dance).parent == folder]
         print(f"{folder}: {summary([learners[k] for k in of_it], [scores[k] for k in of_it])}")

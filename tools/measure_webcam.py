@@ -36,6 +36,7 @@ from tools.measure_noise import (
     own_errors,
     scored_by_others,
     spread,
+    spread_by_others,
     summary,
 )
 
@@ -189,7 +190,7 @@ def fit(learners: dict[str, list[Filmed]], write: bool) -> None:
     scores = scored_by_others(seen, sees_depth=False)
     noise = measured([own_errors(one, sees_depth=False) for one in seen], sees_depth=False)
     noise = noise._replace(spread=round(spread(scores), 3))
-    print(summary(seen, [one._replace(uncertainty=noise.spread * one.uncertainty) for one in scores]))
+    print(summary(seen, spread_by_others(seen, scores)))
     print(json.dumps({WEBCAM: noise._asdict()}, indent=1))
     if write:
         enter(WEBCAM, noise)

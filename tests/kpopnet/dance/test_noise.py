@@ -96,12 +96,29 @@ def test_noise_is_measured_as_it_is():
     assert noise.spread(scores) == pytest.approx(1.9) and "rms 2.8" in noise.summary([seen(0, 1)] * 2, scores)
 
 
+def test_excerpts_of_a_recording_are_left_out_together(monkeypatch):
+    learners = [seen(0, 1)._replace(dance=str(dance), recording=of) for dance, of in enumerate("aab")]
+    names = {id(one.estimated): one.dance for one in learners}
+    monkeypatch.setattr(noise, "own_errors", lambda one, _: names[id(one.estimated)])
+    monkeypatch.setattr(noise, "measured", lambda dances, _: dances)
+    monkeypatch.setattr(noise, "scored", lambda one, dances: noise.Scored(80, 80, 80 + 2 * int(one.dance), 1))
+    scores = noise.scored_by_others(learners)
+    assert [one.known for one in scores] == [80, 82, 84]
+    widths = [one.uncertainty for one in noise.spread_by_others(learners, scores)]
+    assert widths == pytest.approx([4, 4, 1.9])  # of the last one alone, and the 95th percentile of 0 and 2
+    learnt_on = []
+    monkeypatch.setattr(noise, "scored", lambda one, dances: learnt_on.append((one.dance, dances)))
+    noise.scored_by_others(learners)
+    assert learnt_on == [("0", ["2"]), ("1", ["2"]), ("2", ["0", "1"])]
+
+
 def test_dances_of_two_folders_of_one_name_are_two(tmp_path, capsys):
     for number, name in enumerate("ab"):
         one = seen(number, 0)
         (folder := tmp_path / name / "train").mkdir(parents=True)
         joints_m, confidence = one.estimated.joints_m, one.estimated.confidence
         films = {"detected_m": joints_m, "fitted_m": joints_m, "detected": confidence, "fitted": confidence, "fps": FPS}
+        films["motion"] = np.array(f"dance {name}")
         np.savez(folder / "dance_0_perfect_0.npz", teacher_m=one.teacher.joints_m, true_m=one.true.joints_m, **films)
     noise.main([str(tmp_path / "a" / "train"), str(tmp_path / "b" / "train"), "--estimator", "network"])
     told = capsys.readouterr().out
