@@ -79,7 +79,7 @@ TRAINING = {
 HELD_BACK = {
     "composed": DanceSet("test", "skill", 2404, 60),
     "composed, mixed faults": DanceSet("test", "mixed", 2405, 60),
-    "recorded, mixed faults": DanceSet("test", "mixed", 2406, 60, recorded=True),
+    "recorded, mixed faults": DanceSet("test", "mixed", 2414, 22, recorded=True),
 }
 
 
