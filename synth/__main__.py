@@ -159,7 +159,8 @@ def make_samples(config: GenerateConfig) -> None:
         print(
             f"{folder}: {summary['samples']} samples in {summary['shards']} shards, {summary['bytes'] / 1e6:.0f} MB, "
             f"{summary['refused_poses']} poses and {summary['refused_places']} places rejected, "
-            f"{summary['forced_samples']} samples accepted after the last attempt; look at {folder / 'contact_sheet.png'}"
+            f"{summary['forced_samples']} people whose pose penetrates itself or for whom no place was free; "
+            f"look at {folder / 'contact_sheet.png'}"
         )
 
 

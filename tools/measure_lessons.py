@@ -1,12 +1,12 @@
 """Measures lessons by depth camera on SIMULATED learners in rooms: what they score, and how small a fault is told.
 
     PYTHONPATH=. python tools/measure_lessons.py --figures results/lessons.json
-    PYTHONPATH=. python tools/measure_lessons.py --dances 60 70          # others, to choose something on
+    PYTHONPATH=. python tools/measure_lessons.py --dances 60 70 --people train       # others, to choose something on
 
-The learners stand in rooms as those of `kpopnet teach`, each another person, and are found by the finder. They are scored as a
-lesson scores them: the joints that it shows, with realtime's errors, beside the teacher's own and as realtime sees them; and
-what the network alone sees beside the teacher as it sees them, as lessons do once `kpopnet teach see` was run. What was
-estimated of a learner is kept in a file. The dances are of the teacher's kind, and none of its collection.
+The learners stand in rooms as those of `kpopnet teach`, each another person, near those of the benchmarks, and are found by the
+finder. They are scored as a lesson scores them: the joints that it shows, with realtime's errors, beside the teacher's own and
+as realtime sees them; and what the network alone sees beside the teacher as it sees them, as lessons do once `kpopnet teach
+see` was run. What was estimated of a learner is kept in a file. The dances are of the teacher's kind, none of its collection.
 """
 
 import argparse
@@ -57,7 +57,7 @@ class Learner(NamedTuple):
     estimated: dict[str, Performance]  # by the estimator's name
 
 
-def learner(path: Path, dance: int, number: int, estimator: PoseEstimator) -> Learner:
+def learner(path: Path, dance: int, number: int, people_of: str, estimator: PoseEstimator) -> Learner:
     """The learner of KINDS of a dance; from a file, which is made if it does not exist."""
     made, (skill, size) = Teacher().dance(dance), KINDS[number]
     frames = range(0, min(round(SECONDS * made.fps), len(made.joints_m)), STRIDE)
@@ -66,7 +66,7 @@ def learner(path: Path, dance: int, number: int, estimator: PoseEstimator) -> Le
         if (skill, size) in GRADED:
             quats, hips_m = on_body(FAULTS[skill](composed(dance)[0], size))
         danced = skill if skill in LEVELS else "perfect"
-        person = LiveLearner(quats, hips_m, made.fps, danced, seed=3000 * dance + number)
+        person = LiveLearner(quats, hips_m, made.fps, danced, seed=3000 * dance + number, people_of=people_of)
         estimator.reset()
         found: dict[str, list[np.ndarray]] = {}
         for frame in frames:
@@ -113,16 +113,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--folder", type=Path, default=Path("outputs/lessons"), help="of what was estimated: %(default)s")
     parser.add_argument("--dances", type=int, nargs=2, default=(80, 88), metavar=("FROM", "TO"), help="numbers: %(default)s")
+    people = "near whom the learners are: of the benchmarks or of the training; %(default)s"
+    parser.add_argument("--people", choices=("benchmark", "train"), default="benchmark", help=people)
     parser.add_argument("--figures", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
     weights = {name: digest for files in SHA256.values() for name, digest in files.items()}
-    claim_folder(given.folder, "*.npz", {"seconds": SECONDS, "stride": STRIDE, "passes": PASSES, "mode": "best", **weights})
+    made_with = {"seconds": SECONDS, "stride": STRIDE, "passes": PASSES, "mode": "best", "people": given.people}
+    claim_folder(given.folder, "*.npz", made_with | weights)
     estimator, learners = PoseEstimator.load(mode="best"), []
     dances = range(DANCES + given.dances[0], DANCES + given.dances[1])
     with tqdm(total=len(dances) * len(KINDS), unit="learner") as bar:
         for dance in dances:
             for number, (skill, size) in enumerate(KINDS):
-                learners.append(learner(given.folder / f"{dance}_{skill}_{size}.npz", dance, number, estimator))
+                path = given.folder / f"{dance}_{skill}_{size}.npz"
+                learners.append(learner(path, dance, number, given.people, estimator))
                 bar.update()
     true = np.array([lesson_score(one.teacher, one.true, "none").similarity for one in learners])
     found: dict[str, Any] = {"what": "SIMULATED lessons in rooms", "learners": len(learners), "dances": len(dances)}

@@ -5,12 +5,13 @@
 
 The pictures are given to the page's own module one by one with their times, so that a busy machine loses none. Every learner's
 points are kept in a file: what was interrupted goes on, and other joints of these points need no new films. The dances are none
-of the teacher's collection nor of the benchmarks.
+of the teacher's collection nor of the benchmarks; those who are judged are near the people of the benchmarks.
 """
 
 import argparse
 import base64
 import functools
+import hashlib
 import http.server
 import json
 import sys
@@ -41,6 +42,7 @@ from tools.measure_noise import (
 )
 
 ROOT = Path(__file__).resolve().parents[1]
+POSE = ROOT / "kpopnet/teacher/page/vendor/mediapipe/pose_landmark_lite.tflite"
 sys.path.append(str(ROOT / "tests" / "helpers"))
 
 from teacher_page import chromium  # noqa: E402
@@ -48,13 +50,16 @@ from webcam_films import FilmedLearner  # noqa: E402
 
 from kpopnet.dance.joint_files.mediapipe import CAMERA, WEBCAM  # noqa: E402
 from kpopnet.dance.performance import Performance  # noqa: E402
+from kpopnet.data.made_sets import claim_folder  # noqa: E402
+from kpopnet.networks import PASSES  # noqa: E402
 from kpopnet.pose import PoseEstimator  # noqa: E402
 from kpopnet.runtime.atomic_write import write_json, write_npz  # noqa: E402
 from kpopnet.runtime.provenance import measured_by  # noqa: E402
-from kpopnet.skeleton import NUM_JOINTS  # noqa: E402
+from kpopnet.skeleton import NUM_JOINTS, Joint  # noqa: E402
 from kpopnet.teacher.library import taught_dance  # noqa: E402
 from kpopnet.teacher.live.loop import noise_of  # noqa: E402
 from kpopnet.teacher.live.webcam import WebcamEstimator, read_seen  # noqa: E402
+from kpopnet.weights import SHA256  # noqa: E402
 from synth.dances.live import LATE_S  # noqa: E402
 from synth.dances.taught import DANCES, Teacher, composed  # noqa: E402
 
@@ -125,7 +130,7 @@ def points_in(browser, bgr: np.ndarray, first: bool, step_ms: float) -> list[lis
     return points
 
 
-def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseEstimator) -> Filmed:
+def filmed(path: Path, dance: int, skill: str, fault: str, people_of: str, browser, depth: PoseEstimator) -> Filmed:
     """The learner of a file, which is made if it does not exist."""
     if not path.exists():
         made = Teacher().dance(dance)
@@ -135,7 +140,7 @@ def filmed(path: Path, dance: int, skill: str, fault: str, browser, depth: PoseE
         if (skill, fault) in GRADED:
             quats, hips_m = on_body(FAULTS[skill](composed(dance)[0], float(fault)))
             skill, fault = "perfect", ""
-        learner = FilmedLearner(quats, hips_m, made.fps, skill, fault, seed=seed)
+        learner = FilmedLearner(quats, hips_m, made.fps, skill, fault, seed=seed, people_of=people_of)
         frames = range(0, min(round(SECONDS * made.fps), len(learner)), STRIDE)
         depth.reset()
         found: dict[str, list] = {"true": [], "points": [], "depth": [], "depth_seen": []}
@@ -166,15 +171,22 @@ def by_webcam(points: np.ndarray, times_s: np.ndarray) -> Performance:
     return Performance(joints_m, times_s, confidence, WEBCAM)
 
 
-def all_filmed(folder: Path, dances: range, kinds: Sequence[tuple[str, str]], depth: PoseEstimator) -> dict[str, list[Filmed]]:
-    """The learners of each kind, one for each dance."""
+def all_filmed(
+    folder: Path, dances: range, kinds: Sequence[tuple[str, str]], people_of: str, depth: PoseEstimator
+) -> dict[str, list[Filmed]]:
+    """The learners of each kind, one for each dance, near people of a split."""
+    folder = folder / people_of
+    weights = {name: digest for files in SHA256.values() for name, digest in files.items()}
+    weights[POSE.name] = hashlib.sha256(POSE.read_bytes()).hexdigest()
     folder.mkdir(parents=True, exist_ok=True)
+    claim_folder(folder, "*.npz", {"seconds": SECONDS, "stride": STRIDE, "passes": PASSES, **weights})
     found: dict[str, list[Filmed]] = {}
     with webcam_page() as browser, tqdm(total=len(dances) * len(kinds), unit="learner") as bar:
         for dance in dances:
             for kind in kinds:
                 name = "_".join(kind).strip("_").replace(" ", "_")
-                found.setdefault(name, []).append(filmed(folder / f"{dance}_{name}.npz", dance, *kind, browser, depth))
+                path = folder / f"{dance}_{name}.npz"
+                found.setdefault(name, []).append(filmed(path, dance, *kind, people_of, browser, depth))
                 bar.update()
     return found
 
@@ -196,10 +208,8 @@ def fit(learners: dict[str, list[Filmed]], write: bool) -> None:
         enter(WEBCAM, noise)
 
 
-def judge(
-    learners: dict[str, list[Filmed]], graded: dict[str, list[Filmed]], others: Sequence[Filmed], depth_noise: str
-) -> dict[str, Any]:
-    """Prints joints and scores of other dances and people than were fitted; `others` dance another dance."""
+def judge(learners: dict[str, list[Filmed]], graded: dict[str, list[Filmed]], depth_noise: str) -> dict[str, Any]:
+    """Prints joints and scores of other dances and people than were fitted."""
     everybody, figures = [one for group in learners.values() for one in group], {}
     for eye in ("webcam", "depth"):
         errors_m = np.concatenate([_about_torso(getattr(one, eye)) - _about_torso(one.true) for one in everybody])
@@ -220,7 +230,8 @@ def judge(
         perfect = danced["perfect"]
         late = [(one, Performance(seen.joints_m, seen.times_s + LATE_S, seen.confidence)) for one, seen in perfect]
         danced |= {kind: [(one, getattr(one, eye)) for one in group] for kind, group in graded.items()}
-        danced |= {"another dance": [(one, getattr(other, eye)) for one, _ in perfect for other in others], "late": late}
+        another = [(one, seen) for one, _ in perfect for other, seen in perfect if other is not one]
+        danced |= {"another dance": another, "late": late}
         scored = {kind: [lesson_score(one.teacher, seen, noise) for one, seen in pairs] for kind, pairs in danced.items()}
         points = {kind: [one.similarity for one in group] for kind, group in scored.items()}
         levels = np.array([points[level] for level in LEVELS])
@@ -241,7 +252,8 @@ def judge(
 
 
 def _about_torso(dance: Performance) -> np.ndarray:
-    return dance.joints_m - dance.joints_m[:, [8]]
+    """(T, 14, 3) where the other joints are from the torso, metres."""
+    return np.delete(dance.joints_m - dance.joints_m[:, [Joint.TORSO]], Joint.TORSO, axis=1)
 
 
 def main() -> None:
@@ -254,12 +266,12 @@ def main() -> None:
     given = parser.parse_args()
     depth = PoseEstimator.load()
     if given.do == "fit":
-        fit(all_filmed(given.folder, FIT_DANCES[: given.dances], FITTED, depth), given.write)
+        fit(all_filmed(given.folder, FIT_DANCES[: given.dances], FITTED, "train", depth), given.write)
     else:
-        others = all_filmed(given.folder, FIT_DANCES[: given.dances], FITTED[:1], depth)["perfect"]
-        learners = all_filmed(given.folder, JUDGED_DANCES[: given.dances], JUDGED, depth)
-        graded = all_filmed(given.folder, JUDGED_DANCES[: given.dances], GRADED, depth)
-        figures = judge(learners, graded, others, noise_of(depth))
+        learners, graded = (
+            all_filmed(given.folder, JUDGED_DANCES[: given.dances], kinds, "benchmark", depth) for kinds in (JUDGED, GRADED)
+        )
+        figures = judge(learners, graded, noise_of(depth))
         if given.figures:
             about = {"what": "SIMULATED learners in colour", "learners": sum(map(len, learners.values()))}
             write_json(given.figures, about | measured_by() | figures)

@@ -77,7 +77,10 @@ def replaced_moves(motion: Motion, severity: float, rng: np.random.Generator) ->
 
 
 def joint_noise(motion: Motion, severity: float, rng: np.random.Generator) -> Motion:
-    """Joints wander about where they should be; an Ornstein-Uhlenbeck process, half of it common to a joint and its parent."""
+    """Joints wander about where they should be; an Ornstein-Uhlenbeck process, half of it common to a joint and its parent.
+
+    The hips, which have none, wander by the square root of 2 more.
+    """
     keep = np.exp(-1 / (NOISE_CORRELATION_S * motion.fps))
     wander = rng.standard_normal((len(motion), NUM_JOINTS, 3))
     wander[0] /= np.sqrt(1 - keep**2)

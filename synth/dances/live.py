@@ -56,11 +56,12 @@ class LiveLearner:
         fault: str = "",
         seed: int = 0,
         camera: Camera = CAMERA,
+        people_of: str = "train",
     ) -> None:
         """Learns a dance, (T, B, 4) rotations of the bones of `synth`'s body and (T, 3) positions of the hips in metres.
 
         `skill` is one of SKILLS, or ON_THE_BEAT, `fault` one of FAULTS; the seed is of the person, the room and the errors. The
-        camera's noise is that of a Kinect v1.
+        camera's noise is that of a Kinect v1. `people_of` is as of `synth.body.shape.draw_person`.
         """
         if skill not in (*SKILLS, ON_THE_BEAT) or fault not in FAULTS:
             raise InputError(
@@ -72,7 +73,8 @@ class LiveLearner:
         self._studio, self._empty = Studio(camera, "cpu"), skill == "absent"
         rng = np.random.default_rng([seed, 1])
         motion = learned(motion_of(quats, hips_m, fps), skill, fault, rng)
-        self._take, self._fps = self._placed(motion, fault, seed), fps
+        person = draw_person(np.random.default_rng([seed, 3]), BodyConfig(), people_of)
+        self._take, self._fps = self._placed(motion, fault, person, seed), fps
         self._noise, self._shown = FilmNoise((*b"live", seed)), 0
         self._room_m = self._studio.furnish(self._take.room, self._take.view)
 
@@ -92,9 +94,9 @@ class LiveLearner:
         """(15, 3) float32 true joints of the latest image, metres, in the camera's frame."""
         return self._take.view.to_camera(self._studio.scene.joints_world_m()).astype(np.float32)
 
-    def _placed(self, motion: Motion, fault: str, seed: int) -> Take:
+    def _placed(self, motion: Motion, fault: str, person: Person, seed: int) -> Take:
         """The learner in an empty room, see `placed`; with hidden feet, too near."""
-        rng, person = np.random.default_rng([seed, 2]), draw_person(np.random.default_rng([seed, 3]), BodyConfig(), "train")
+        rng = np.random.default_rng([seed, 2])
         if fault == "hidden feet":
             return _before(rng, self._studio.play(person, motion, 0.0, CURLS_RAD), NEAR_M)
         return placed(self._studio, person, motion, rng)

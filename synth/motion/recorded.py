@@ -120,6 +120,8 @@ def open_clips(path: str | Path, split: str, fps: float | None = None) -> Record
     """
     folder = Path(path)
     if (folder / "index.csv").is_file():
+        if fps is not None:
+            raise InputError(f"motion.fps={fps:g}: the rate of BVH files; {path} is a motion pack, which states its own")
         return _open_pack(folder, split)
     if not (files := _bvh_files(folder)):
         found = "does not exist" if not folder.exists() else "holds neither an index.csv nor *.bvh files"
@@ -130,6 +132,7 @@ def open_clips(path: str | Path, split: str, fps: float | None = None) -> Record
     if len(files) < SPLIT_PERIOD:
         log.warning("%s: %d BVH files are too few to split; %s uses them all", folder, len(files), split)
     else:
+        log.warning("%s: split by file; takes of one dancer may be in several splits. A motion pack is split by dancer", folder)
         files = _split(files, split)
 
     def read(index: int) -> Recording:

@@ -3,7 +3,8 @@
 Scene i is a pure function of (seed, split, i). World frame: z up, floor at z = 0, the camera above the origin, looking towards
 +y, up or down, and rolled. People are in any pose, some in contact, raised on a bed or a stage, on a seat, or with a thing in
 their hands, which counts as theirs. Furniture and things of `clutter` stand anywhere in a room or outdoors, or there is nothing
-but people, as in recordings whose background was removed. The image's border, clutter and others may hide any part of a person.
+but people and what they sit on, as in recordings whose background was removed. The image's border, clutter and others may hide
+any part of a person.
 """
 
 from typing import NamedTuple
@@ -48,7 +49,7 @@ LOW_M, RAISED, RAISED_M = 0.9, 0.3, (0.1, 0.6)
 """Of the people whose highest point is lower, this share lies or sits on a bed or a stage of such a height."""
 
 SEATED, HOLDS = 0.6, 0.08
-OUTDOORS, ALONE = 0.15, 0.08  # shares of the scenes without walls, and of those that show nothing but people
+OUTDOORS, ALONE = 0.15, 0.08  # shares of the scenes without walls, and of those of people and their seats alone
 
 LOST = {"floor": 0.15, "back": 0.12, "left": 0.08, "right": 0.08, "ceiling": 0.3}
 """Share of the scenes in which a surface returns nothing, because it is dark, shines, is made of glass or is too far away."""

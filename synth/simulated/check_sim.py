@@ -59,6 +59,8 @@ class CheckSimConfig(Selection):
         super().__post_init__()
         if not self.cameras or not set(self.cameras) <= set(SENSOR_OF_CAMERA):
             raise InputError(f"benchmark.cameras={self.cameras}: expected some of {', '.join(SENSOR_OF_CAMERA)}")
+        if self.children:
+            raise InputError(f"benchmark.children={self.children}: the script's chair and its times are for adults")
         self.sequences = min(self.sequences, PEOPLE * len(self.cameras))  # further ones would be the same films again
 
 

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+import synth.dances.live
 from kpopnet.errors import InputError
+from synth.body.shape import draw_person
 from synth.dances.live import CAMERA, LATE_S, LiveLearner, learned, motion_of
 from synth.dances.taught import DANCES, MAX_TRAVEL_M, Teacher, composed, dance_title
 from synth.motion.skeleton import INDEX
@@ -45,6 +47,14 @@ def test_the_camera_sees_the_learner_dance(taught):
     moved = (before > 0) & (after > 0) & (abs(before - after) > 0.3)
     assert 2000 < nearer.sum() < 30_000 and moved.sum() > 200
     assert np.array_equal(LiveLearner(taught.quats, taught.hips_m, taught.fps, "perfect", seed=3).frame(0.0), before)
+
+
+def test_learners_are_near_the_people_of_a_split(taught, monkeypatch):
+    asked = []
+    monkeypatch.setattr(synth.dances.live, "draw_person", lambda *given: asked.append(given[2]) or draw_person(*given))
+    LiveLearner(taught.quats, taught.hips_m, taught.fps, "perfect")
+    LiveLearner(taught.quats, taught.hips_m, taught.fps, "perfect", people_of="benchmark")
+    assert asked == ["train", "benchmark"]
 
 
 def test_an_unknown_fault_is_refused(taught):

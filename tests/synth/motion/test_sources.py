@@ -75,10 +75,11 @@ def used_by_split(folder):
     return {split: {one.motion(number).name for number in range(len(one))} for split, one in opened.items()}
 
 
-def test_bvh_files_are_clips_split_by_name(tmp_path):
+def test_bvh_files_are_clips_split_by_name(tmp_path, caplog):
     for k in range(24):
         write_bvh(tmp_path / f"{k}.bvh", STILL)
     used = used_by_split(tmp_path)
+    assert "split by file; takes of one dancer may be in several splits" in caplog.text
     assert set().union(*used.values()) == {f"bvh:{k}" for k in range(24)} and sum(map(len, used.values())) == 24
     assert all(used.values()) and len(used["train"]) > 12
     for name in ("00", "1 more", "zz"):
@@ -144,6 +145,8 @@ def test_clips_and_indices_of_other_contents_are_refused(pack):
         np.savez(clip, **(arrays | changed))
         with pytest.raises(InputError, match=message):
             clips(pack).motion(0)
+    with pytest.raises(InputError, match=r"motion\.fps=60: the rate of BVH files; .* is a motion pack"):
+        build_motion(MotionConfig(source="clips", path=str(pack), fps=60), "train")
     rows = index.read_text()
     for old, new, message in (
         ("clips/b.npz", "../b.npz", "row 3: expected a file inside the pack"),

@@ -16,7 +16,7 @@ from synth.rooms.held_back import BARRIERS, BENCHMARK_CLUTTER
 from synth.rooms.images import RoomImagesSet
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene import room as rooms
-from synth.simulated.check_sim import CheckSim
+from synth.simulated.check_sim import CheckSim, CheckSimConfig
 from synth.simulated.rooms import Rooms
 from synth.simulated.stand_ins import EvalSim, EvalSimConfig, Smmc10Sim
 from synth.simulated.two_people import TwoPeople
@@ -84,6 +84,7 @@ CLIPS = MotionConfig(source="clips", path="somewhere")
         (RoomImagesSet, {"motion": CLIPS}, "poses of all kinds"),
         (EvalSim, {"motion": MotionConfig(source="choreography", seed=3)}, r"either composed .* or recorded"),
         (KpopSim, {"benchmark": KpopSimConfig(name="other")}, r"benchmark\.name=other: the set is called kpop_sim"),
+        (lambda children: CheckSimConfig(children=children), {"children": 0.5}, r"benchmark\.children=0\.5: .* for adults"),
     ],
 )
 def test_what_a_set_cannot_show_is_refused(make, settings: dict, message: str) -> None:
