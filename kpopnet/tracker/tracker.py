@@ -68,7 +68,7 @@ class State(NamedTuple):
     joints_m: np.ndarray  # (15, 3) the pose in the camera frame
     middle_m: np.ndarray  # (3,) median of the points of the last frame that was not held
     step_m: np.ndarray  # (15, 3) how the joints moved from the frame before
-    visible_px: float = 0.0  # visible area of the last frame that was not held
+    visible_m2: float = 0.0  # visible area of the last frame that was not held, square metres across the line of sight
     baseline_cost_m2: float = 0.0  # what good poses of this person cost, square metres
     flip_evidence: float = 0.0  # that front and back are confused, a cumulative sum of log cost ratios
 
@@ -143,8 +143,8 @@ class Tracker:
         if not self._person.frames:
             self._person.update(self.state.joints_m, grid)
         last = self.state
-        if not stalled and _visible_px(grid) < DROPOUT_RATIO * last.visible_px:
-            self.state = last._replace(step_m=np.zeros_like(last.step_m), visible_px=DROPOUT_DECAY * last.visible_px)
+        if not stalled and _visible_m2(grid) < DROPOUT_RATIO * last.visible_m2:
+            self.state = last._replace(step_m=np.zeros_like(last.step_m), visible_m2=DROPOUT_DECAY * last.visible_m2)
             return self._joints_and_confidence(grid)
         moved_m = np.median(grid.points_m, axis=0) - last.middle_m
         self.state = last._replace(middle_m=last.middle_m + moved_m)
@@ -212,11 +212,12 @@ class Tracker:
             evidence = max(evidence + min(gain, FLIP_CLIP), 0.0)
             if evidence > FLIP_THRESHOLD:
                 joints_m, evidence = mirrored_m, 0.0
-        return State(joints_m, last.middle_m, joints_m - last.joints_m, _visible_px(grid), baseline_m2, evidence)
+        return State(joints_m, last.middle_m, joints_m - last.joints_m, _visible_m2(grid), baseline_m2, evidence)
 
 
-def _visible_px(grid: DepthGrid) -> float:
-    return len(grid.points_m) * grid.intrinsics[4] ** 2
+def _visible_m2(grid: DepthGrid) -> float:
+    fx, fy, _, _, cell_px = grid.intrinsics
+    return float((grid.points_m[:, 2] ** 2).sum()) * cell_px**2 / (fx * fy)
 
 
 def _best_fit(candidates: list[np.ndarray], expected_m: np.ndarray, grid: DepthGrid, body: Body, stride: int) -> np.ndarray:

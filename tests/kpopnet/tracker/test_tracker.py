@@ -58,6 +58,13 @@ def test_a_simulated_person_is_tracked(simulated) -> None:
     assert (error_m(found, joints) < 0.1).mean() > 0.7
 
 
+def test_who_walks_away_from_a_slow_camera_is_followed() -> None:
+    x, y, _ = PLACE_M
+    joints = np.stack([cone_joints(-40, 12, 0, 10, place_m=(x, y, 1.3 + 0.4 * t)) for t in range(5)])
+    found, _ = tracked(Tracker(CAMERA), filmed(joints, CAMERA), joints[0])  # at last a quarter of the pixels at first
+    assert error_m(found, joints).mean(axis=1).max() < 0.05
+
+
 @pytest.mark.parametrize("exchanged", [[Joint.RIGHT_FOOT, Joint.LEFT_FOOT], list(Joint)], ids=["crossed shins", "mirrored"])
 def test_exchanged_sides_are_corrected_while_standing_still(simulated, exchanged) -> None:
     depth, joints, camera = simulated
