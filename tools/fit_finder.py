@@ -86,7 +86,7 @@ def main() -> None:
     parser.add_argument("--weights", type=Path, help="a finder's weights; otherwise those that come with the package")
     parser.add_argument("--out", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
-    if RoomImages(given.images).hash == RoomImages(given.judged).hash:
+    if RoomImages(given.images).identity == RoomImages(given.judged).identity:
         raise InputError(f"{given.judged}: the images that are fitted on; judge on others")
     network = open_finder(given.weights and str(given.weights))
     fitted, other = judged_in(given.images, network), judged_in(given.judged, network)

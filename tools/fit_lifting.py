@@ -226,6 +226,8 @@ def main() -> None:
         return
     if given.out is None:
         parser.error("fit needs --out")
+    if given.figures is not None and not given.held_out:
+        parser.error("--figures are of films that are not learned from: give --held-out N")
     paths = sorted(given.folder.glob("film_*.npz"))
     films = {int(path.stem.removeprefix("film_")): one for path in paths if (one := of_film(path)) is not None}
     if not films:

@@ -170,6 +170,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the scenes: %(default)s")
     parser.add_argument("--figures", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
+    if given.files < 1 or given.judged < 2:
+        parser.error("expected --files of at least 1 and --judged of at least 2: half of them ties the certainties together")
     network, meta = load_network(given.checkpoint)
     if network.config.input != "depth":
         raise InputError(f"{given.checkpoint}: sees {network.config.input}; expected a network that sees depth alone")

@@ -248,11 +248,15 @@ def main() -> None:
     parser.add_argument("--epochs", type=int, default=EPOCHS, help="%(default)s")
     given = parser.parse_args()
     logging.basicConfig(level=logging.INFO, format="%(message)s")
+    if given.fresh.resolve() == given.films.resolve():
+        parser.error("--fresh: the films to learn from; give those of other people")
     fresh = {future: films_in(given.fresh, MODES[future]) for future in (False, True)}
     given.out.parent.mkdir(parents=True, exist_ok=True)
     if not given.out.exists():
         arrays = trained(films_in(given.films, MODES[given.future]), given.future, given.epochs)
         write_whole(given.out, safetensors.numpy.save(arrays))
+    else:
+        log.info("%s exists and is measured only", given.out)
     network = OverTime.load(given.out)
     if given.future and not network.future:
         raise InputError(f"{given.out}: is of the causal form, and is measured only; without --future, or give another --out")

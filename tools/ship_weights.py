@@ -198,6 +198,8 @@ def main() -> None:
     given = parser.parse_args()
     if sum(one is not None for one in (given.checkpoint, given.lifting, given.masks)) != 1:
         parser.error("give a checkpoint, --lifting or --masks")
+    if given.future is not None and given.checkpoint is None:
+        parser.error("--future needs the causal network over time as checkpoint")
     if given.lifting is not None:
         ship_lifting(given.lifting, given.out)
         return

@@ -2,6 +2,7 @@
 
 from bisect import bisect_right
 from pathlib import Path
+from typing import NamedTuple
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import write_json
@@ -10,17 +11,27 @@ from kpopnet.runtime.input_files import expect, read_json
 MANIFEST = "manifest.json"
 
 
-def made_files(folder: Path | str, pattern: str, benchmark: str) -> tuple[list[Path], str]:
-    """The files of a set in order, and the hash of its settings; raises InputError for none, or a damaged manifest."""
+class Identity(NamedTuple):
+    """What tells sets of one kind apart."""
+
+    hash: str  # of its settings
+    split: str
+
+
+def made_files(folder: Path | str, pattern: str, benchmark: str) -> tuple[list[Path], Identity]:
+    """The files of a set in order, and what it is; raises InputError for none, or a damaged manifest."""
     folder = Path(folder)
     paths = sorted(folder.glob(pattern))
     if not paths:
         split = " benchmark.split=validation" if folder.name == "validation" else ""
-        command = f"python -m synth benchmark={benchmark}{split} out={folder}"
+        place = folder.parent.with_name(benchmark) / folder.name if (folder / MANIFEST).exists() else folder
+        command = f"python -m synth benchmark={benchmark}{split} out={place}"
         raise InputError(f"{folder}: no {benchmark.replace('_', ' ')} ({pattern}) in this folder; make some: {command}")
     manifest = read_json(folder / MANIFEST)
-    expect(isinstance(manifest, dict) and "hash" in manifest, f"{folder}/{MANIFEST}", "a hash")
-    return paths, str(manifest["hash"])
+    try:
+        return paths, Identity(str(manifest["hash"]), str(manifest["config"]["benchmark"]["split"]))
+    except (KeyError, TypeError):
+        raise InputError(f"{folder}/{MANIFEST}: expected a hash and the split of a benchmark") from None
 
 
 def located(ends: list[int], index: int) -> tuple[int, int]:
@@ -46,8 +57,8 @@ def claim_folder(folder: Path, pattern: str, settings: dict[str, str | int | flo
         raise InputError(f"{folder}: holds files made with {', '.join(other)}; give another folder")
 
 
-def check_others(train_hash: str, validation_hash: str, folder: Path | str) -> None:
-    """Raises InputError where the validation set in `folder` is what is trained on."""
-    if train_hash == validation_hash:
+def check_others(train: Identity, validation: Identity, folder: Path | str) -> None:
+    """Raises InputError where the validation set in `folder` is of those who are trained on."""
+    if train.split == validation.split or train.hash == validation.hash:
         remedy = "make it with benchmark.split=validation, or take the samples of splits.validation"
-        raise InputError(f"{folder}: the same people and scenes as are trained on; {remedy}")
+        raise InputError(f"{folder}: the same people and scenes as are trained on (split {validation.split}); {remedy}")

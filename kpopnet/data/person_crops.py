@@ -61,7 +61,7 @@ class PersonCrops:
 
     def __init__(self, folder: Path | str) -> None:
         """Reads the sizes of all files; raises InputError if there are none or one is damaged."""
-        self.paths, self.hash = made_files(folder, FILES, "person_crops")
+        self.paths, self.identity = made_files(folder, FILES, "person_crops")
         self._ends = np.cumsum([len(_File(path).cameras) for path in self.paths]).tolist()
         self._open: dict[int, _File] = {}
 

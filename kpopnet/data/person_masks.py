@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kpopnet.data.made_sets import made_files
+from kpopnet.data.made_sets import Identity, made_files
 from kpopnet.runtime.hdf5_files import Hdf5Schema, open_hdf5, read_array
 from kpopnet.runtime.input_files import ArraySchema
 
@@ -43,7 +43,7 @@ class PersonMasks(NamedTuple):
     depth_mm: np.ndarray
     labels: np.ndarray
     centres_m: np.ndarray
-    hash: str
+    identity: Identity
 
 
 def read_person_masks(folder: Path | str) -> PersonMasks:

@@ -56,7 +56,7 @@ class RoomImages:
 
     def __init__(self, folder: Path | str) -> None:
         """Reads the sizes of all files; raises InputError if there are none or one is damaged."""
-        self.paths, self.hash = made_files(folder, FILES, "room_images")
+        self.paths, self.identity = made_files(folder, FILES, "room_images")
         sizes = []
         for path in self.paths:
             with open_hdf5(path, SCHEMA) as file:

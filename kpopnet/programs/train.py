@@ -26,6 +26,7 @@ Writes the finder's weights to outputs/finder/<date-time>, or out=PATH. Installe
 """
 
 import logging
+import os
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
@@ -35,7 +36,7 @@ from omegaconf import DictConfig, OmegaConf
 from kpopnet.baselines.tree_walk.training import TreeWalkConfig
 from kpopnet.baselines.tree_walk.training import train as train_tree_walk
 from kpopnet.baselines.tree_walk.walking import META
-from kpopnet.data.made_sets import check_others
+from kpopnet.data.made_sets import Identity, check_others
 from kpopnet.data.observation import JoinedSources, ObservationSource
 from kpopnet.data.person_crops import PersonCrops
 from kpopnet.data.shards import ShardedSet
@@ -100,6 +101,8 @@ class ObservationConfig:
         check_seed("seed", self.seed)
         check_between("workers", self.workers, 0, 1e6)
         check_between("crops_repeated", self.crops_repeated, 1, 1e6)
+        if self.crops is None and self.crops_repeated > 1:
+            raise InputError(f"crops_repeated={self.crops_repeated}: there are no crops; give crops=FOLDER")
 
     def observed(self) -> tuple[ObservationSource, ObservationSource, dict[str, dict]]:
         """What to learn from and to validate with, and what identifies the sets.
@@ -108,7 +111,7 @@ class ObservationConfig:
         """
         log.info(f"reading {self.data.train} and {self.data.validation}")
         sets = {name: ShardedSet(folder) for name, folder in asdict(self.data).items()}
-        check_others(*(shards.header.config_hash for shards in sets.values()), self.data.validation)
+        check_others(*(Identity(one.header.config_hash, one.header.split) for one in sets.values()), self.data.validation)
         for name, shards in sets.items():
             if shards.kind == "frozen":
                 log.warning(f"data.{name}: a frozen set, measured once: sensor, other_sensors and extraction change nothing")
@@ -117,12 +120,12 @@ class ObservationConfig:
         }
         known = {name: {"hash": shards.header.config_hash, "samples": len(shards)} for name, shards in sets.items()}
         if self.crops is not None:
-            for name, source in sources.items():
-                crops = PersonCrops(Path(self.crops) / name)
+            crops = {name: PersonCrops(Path(self.crops) / name) for name in sources}
+            check_others(*(one.identity for one in crops.values()), Path(self.crops) / "validation")
+            for name, more in crops.items():
                 repeated = self.crops_repeated if name == "train" else 1
-                sources[name] = JoinedSources((source, *[crops] * repeated))
-                known[f"crops/{name}"] = {"hash": crops.hash, "samples": len(crops), "repeated": repeated}
-            check_others(known["crops/train"]["hash"], known["crops/validation"]["hash"], Path(self.crops) / "validation")
+                sources[name] = JoinedSources((sources[name], *[more] * repeated))
+                known[f"crops/{name}"] = {"hash": more.identity.hash, "samples": len(more), "repeated": repeated}
         return sources["train"], sources["validation"], known
 
 
@@ -225,6 +228,8 @@ def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:
 @entry_point({"train": NetworkTrainingConfig, "tree_walk": TreeWalkTrainingConfig, "finder": FinderTrainingConfig})
 def main(config: NetworkTrainingConfig | TreeWalkTrainingConfig | FinderTrainingConfig) -> None:
     """Trains what --config-name chose, by default a network."""
+    if not isinstance(config, NetworkTrainingConfig) and int(os.environ.get("WORLD_SIZE", "1")) > 1:
+        raise InputError("the finder and the tree walk train in one process: start it without torchrun")
     if isinstance(config, TreeWalkTrainingConfig):
         run_tree_walk_training(config)
     elif isinstance(config, FinderTrainingConfig):

@@ -3,7 +3,6 @@
 import logging
 import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from torch.nn.parallel import DistributedDataParallel
 
 from kpopnet.errors import InputError, check_one_of
 from kpopnet.networks.network import PoseNetwork
-from kpopnet.runtime.cpu import available_cores, keep_freed_memory
+from kpopnet.runtime.cpu import available_cores, keep_freed_memory, own_python
 
 log = logging.getLogger(__name__)
 
@@ -71,12 +70,15 @@ def try_bfloat16() -> None:
 
     Raises InputError where it ends the process, as on processors that claim AMX and do not have it.
     """
-    tried = subprocess.run([sys.executable, "-c", TRIAL], capture_output=True, text=True, check=False)
-    if tried.returncode:
+    words, environment = own_python(TRIAL)
+    tried = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    if tried.returncode < 0:
         raise InputError(
             f"training.bfloat16: it ended a process that tried it (exit status {tried.returncode}); this processor claims what "
             "it does not have, leave the setting out"
         )
+    if tried.returncode:
+        raise InputError(f"training.bfloat16: could not be tried: {(tried.stderr.splitlines() or ['no reason was given'])[-1]}")
     if (gain := float(tried.stdout)) < 1:
         log.warning("training.bfloat16: this processor trains convolutions at %.1f times the speed of float32", gain)
 
@@ -118,7 +120,7 @@ def set_up_torch(threads: int, workers: int = 0) -> int:
 
     0 threads stand for all available cores, divided by the number of processes that torchrun started on this machine, but for
     those that the workers, which prepare the batches of each, need: threads of one sum wait for the slowest, and one that
-    shares its core with a worker holds all up (on two cores two threads train at 380 samples/s, one at 570).
+    shares its core with a worker holds all up (on two cores two threads trained at 377 samples/s, one at 568: docs/ledger.md).
     """
     torch.use_deterministic_algorithms(True, warn_only=torch.cuda.is_available())
     # Filling only affects code that reads uninitialised memory, and takes a tenth of the time of a step.

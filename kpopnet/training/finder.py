@@ -133,7 +133,7 @@ class LoadedImages:
 
     def __init__(self, folder: str, device: torch.device = CPU) -> None:
         images = RoomImages(folder)
-        count, self.hash = len(images), images.hash
+        count, self.identity = len(images), images.identity
         depth_mm = np.empty((count, CANVAS[1], CANVAS[0]), np.uint16)
         labels = np.empty((count, CANVAS[1], CANVAS[0]), np.uint8)
         self.cameras = np.empty((count, 6), np.float32)
@@ -190,7 +190,7 @@ class LoadedMasks:
     """All person masks of a folder, in the memory of a device: 27 kB each."""
 
     def __init__(self, folder: str, device: torch.device = CPU) -> None:
-        *arrays, self.hash = read_person_masks(folder)
+        *arrays, self.identity = read_person_masks(folder)
         arrays[0] = arrays[0].view(np.int16)  # torch selects rows of signed numbers alone
         self._arrays = [torch.from_numpy(one).to(device) for one in arrays]
 
@@ -242,6 +242,8 @@ class FinderRun(Descent):
             self.load()
         elif (folder / STATE).exists():
             raise InputError(f"{folder}: holds a run; go on with it (training.resume=true), or give another folder (out=...)")
+        elif (folder / WEIGHTS).exists() and not (folder / META).exists():
+            raise InputError(f"{folder}: holds {WEIGHTS} of no run; give another folder (out=...)")
 
     def update(self, image: Tensor, target: Target) -> dict[str, float]:
         """Takes one step; returns the terms of the loss."""
@@ -261,10 +263,10 @@ class FinderRun(Descent):
                 )
 
     def save(self, described: dict) -> None:
-        """Writes weights, description and state, each whole or not at all; the state last: before it a killed run goes back."""
+        """Writes description, weights and state, each whole or not at all; the state last: before it a killed run goes back."""
         weights = {name: value.contiguous().cpu() for name, value in self.average.state_dict().items()}
-        write_whole(self.folder / WEIGHTS, safetensors.torch.save(weights))
         write_json(self.folder / META, {"step": self.step, **described})
+        write_whole(self.folder / WEIGHTS, safetensors.torch.save(weights))
         with atomic_path(self.folder / STATE) as part:
             torch.save(self.state() | {"average": weights}, part)
 
@@ -350,11 +352,11 @@ def train_finder(
     out.mkdir(parents=True, exist_ok=True)
     run = FinderRun(config, seed, out, on)
     images, validation = (run.part.images(data[name], on) for name in ("train", "validation"))
-    check_others(images.hash, validation.hash, data["validation"])
+    check_others(images.identity, validation.identity, data["validation"])
     order, settings = ShuffledOrder(len(images), config.batch_size, seed), asdict(config)
     del settings["resume"]
     described = {"config": settings, "seed": seed}
-    described |= {"images": {"hash": images.hash, "count": len(images)}, "validation": validation.hash}
+    described |= {"images": {"hash": images.identity.hash, "count": len(images)}, "validation": validation.identity.hash}
     if config.resume:
         run.check_same(described)
     epochs = config.steps * config.batch_size / len(images)

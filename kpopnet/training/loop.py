@@ -9,6 +9,7 @@ import gc
 import logging
 import math
 import sys
+import time
 from collections.abc import Callable
 from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass, field, replace
@@ -147,6 +148,9 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         check_between("threads", self.threads, 0, 1e6)
+
+    def check_small_crops(self) -> None:
+        """Raises InputError where the model, which `training.start` may give, cannot be trained on the smaller crops."""
         if self.training.small_crops.share and self.model.kind != "dense":
             raise InputError(f"training.small_crops: a {self.model.kind} network takes crops of one size; set its share to 0")
         if self.training.small_crops.share and self.training.small_crops.crop_px >= self.model.crop_px:
@@ -303,6 +307,7 @@ def train(
     writes there; a loss that is not finite.
     """
     training = config.training
+    config.check_small_crops()
     if training.resume is not None and (begun_with := read_meta(training.resume).get("data")) != data:
         raise InputError(f"{training.resume}: was trained on other data ({begun_with}) than the given data ({data})")
     with join_processes(config.device) as processes, locked(out) if processes.rank == 0 else nullcontext(), naming(out):
@@ -333,7 +338,7 @@ def train(
                 run.best_cm = math.inf  # the best checkpoint stayed in the other folder
             sets = {px: validation_batches(config, validation, px) for px in batches.sizes()}
             described = {"config": asdict(config), "data": data}
-            _update_and_validate(run, loader, lambda step: sets[batches.crop_px(step)], out, described)
+            _update_and_validate(run, loader, batches.crop_px, sets, out, described)
     log.info(f"checkpoints: {out / 'best'} (lowest validation error) and {out / 'last'}")
     return out / "last"
 
@@ -364,38 +369,48 @@ def validation_batches(config: RunConfig, validation: ObservationSource, crop_px
 
 
 def _update_and_validate(
-    run: Run, loader: DataLoader, validation_set: Callable[[int], list[Batch]], out: Path, described: dict
+    run: Run, loader: DataLoader, crop_px: Callable[[int], int], sets: dict[int, list[Batch]], out: Path, described: dict
 ) -> None:
-    """The loop of rank 0: steps, scalars, validation on crops of the size trained with, images, checkpoints."""
-    config = run.config
+    """The loop of rank 0: steps, scalars, validation on crops of the size trained with, images, checkpoints.
+
+    `crop_px` is of a step's crops, `sets` are the validation crops by their sides. The time that is left is that of the last
+    steps, longer or shorter as the crops of those to come have more or fewer pixels.
+    """
+    config, since_step, since_s = run.config, run.step, time.perf_counter()
     with SummaryWriter(out, purge_step=run.step + 1) as board, progress_bar(config.steps, run.step) as bar:
         for batch in loader:
             scalars = run.update(batch)
             bar.update()
-            samples_per_s = config.batch_size * (bar.n - bar.initial) / bar.format_dict["elapsed"]
+            logs, validates = run.step % LOG_EVERY == 0, run.step % config.validate_every == 0 or run.step == config.steps
+            if not (logs or validates):
+                continue
+            steps_per_s = (run.step - since_step) / (time.perf_counter() - since_s)
 
-            if run.step % LOG_EVERY == 0:
+            if logs:
                 for name, value in scalars.items():
                     board.add_scalar(f"train/{name}", float(value), run.step)
-                board.add_scalar("train/samples_per_second", samples_per_s, run.step)
+                board.add_scalar("train/samples_per_second", config.batch_size * steps_per_s, run.step)
                 board.add_scalar("train/empty_silhouettes_skipped", run.skipped, run.step)
                 bar.set_postfix(error=f"{float(scalars['error_cm']):.1f} cm", refresh=False)
 
-            if run.step % config.validate_every == 0 or run.step == config.steps:
-                crops = validation_set(run.step - 1)
+            if validates:
+                px = crop_px(run.step - 1)
+                crops = sets[px]
                 last = (run.step - 1) // config.validate_every * config.validate_every  # step of the validation before
-                if crops is not validation_set(max(last - 1, 0)):
+                if px != crop_px(max(last - 1, 0)):
                     run.best_cm = math.inf  # errors in smaller crops are of another network: the best one is of the last size
                 metrics, estimates = validate(run.average, crops, run.processes.device)
                 for name, value in metrics.items():
                     board.add_scalar(f"validation/{name}", value, run.step)
                 board.add_image("validation/predictions", validation_sheet(crops, estimates), run.step, dataformats="HWC")
                 run.save(out, metrics, described)
-                left_s = (config.steps - run.step) * config.batch_size / samples_per_s
+                left_s = sum((crop_px(step) / px) ** 2 for step in range(run.step, config.steps)) / steps_per_s
                 log.info(
                     f"step {run.step:,} of {config.steps:,}: mean error {metrics['mean_error_cm']:.2f} cm, "
                     f"{100 * metrics['within_10cm']:.1f} % within 10 cm (best {run.best_cm:.2f} cm); "
-                    f"{samples_per_s:.0f} samples/s, about {tqdm.format_interval(left_s)} left"
+                    f"{config.batch_size * steps_per_s:.0f} samples/s, about {tqdm.format_interval(left_s)} left"
                 )
+            since_step, since_s = run.step, time.perf_counter()
     if run.skipped:
-        log.info(f"{run.skipped} observations with an empty silhouette were replaced by the next one")
+        of_many = " of this process" if run.processes.count > 1 else ""
+        log.info(f"{run.skipped} observations{of_many} with an empty silhouette were replaced by the next one")

@@ -101,7 +101,7 @@ def store_shard(
         file.attrs.update(
             {
                 "format": FORMAT, "version": VERSION, "kind": kind, "config": json.dumps({"made_by": "tests"}),
-                "config_hash": f"{zlib.crc32(folder.name.encode()):012x}", "seed": 7, "split": "test", "shard": shard,
+                "config_hash": f"{zlib.crc32(folder.name.encode()):012x}", "seed": 7, "split": folder.name, "shard": shard,
                 "start": start, "stop": start + count, "packages": json.dumps({}),
                 "camera": astuple(camera),
             }

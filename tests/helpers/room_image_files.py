@@ -18,7 +18,7 @@ CAMERAS = Camera.centred(120.0, 160, 120), Camera(100.0, 100.0, 70.0, 66.0, 150,
 
 
 def write_room_images(folder: Path, count: int = 8) -> Path:
-    """Writes one file of images and a manifest, whose hash is the folder's name, and returns the folder."""
+    """Writes one file of images and a manifest, whose hash and split are the folder's name, and returns the folder."""
     arrays = {
         "depth_mm": np.zeros((count, CANVAS[1], CANVAS[0]), np.uint16),
         "labels": np.zeros((count, CANVAS[1], CANVAS[0]), np.uint8),
@@ -57,7 +57,7 @@ def write_person_masks(folder: Path, count: int = 8) -> Path:
 
 def _written(folder: Path, name: str, schema: Hdf5Schema, arrays: dict[str, np.ndarray]) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "manifest.json").write_text(json.dumps({"hash": folder.name}))
+    (folder / "manifest.json").write_text(json.dumps({"hash": folder.name, "config": {"benchmark": {"split": folder.name}}}))
     with atomic_hdf5(folder / name) as file:
         file.attrs["format"], file.attrs["version"] = schema.fixed["format"], schema.fixed["version"]
         for one, array in arrays.items():

@@ -57,6 +57,24 @@ def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
     assert trained("halves", settings(4, resume=True)) == trained("whole", settings(4))
 
 
+def test_weights_of_no_run_and_people_who_are_trained_on_are_refused(data, tmp_path):
+    settings = FinderTraining(steps=2, batch_size=2)
+    (tmp_path / "kept").mkdir()
+    (tmp_path / "kept" / WEIGHTS).write_bytes(b"of another training")
+    with pytest.raises(InputError, match=r"kept: holds finder\.safetensors of no run; give another folder"):
+        train_finder(settings, 0, data, tmp_path / "kept", threads=1, device="cpu")
+    assert (tmp_path / "kept" / WEIGHTS).read_bytes() == b"of another training"
+    other = write_room_images(tmp_path / "more" / "train", 4)  # other settings, the same people
+    (other / "manifest.json").write_text((other / "manifest.json").read_text().replace('"hash": "train"', '"hash": "more"'))
+    with pytest.raises(InputError, match=r"the same people and scenes as are trained on \(split train\)"):
+        train_finder(settings, 0, data | {"validation": str(other)}, tmp_path / "new", threads=1, device="cpu")
+
+
+def test_masks_that_are_missing_are_to_be_made_beside_the_room_images(data, tmp_path):
+    with pytest.raises(InputError, match=r"no person masks .* benchmark=person_masks out=\S*/person_masks/train$"):
+        train_finder(FinderTraining(part="masks"), 0, data, tmp_path / "run", threads=1, device="cpu")
+
+
 def _save_and_stop(run, described, save=FinderRun.save):
     save(run, described)
     raise KeyboardInterrupt

@@ -81,18 +81,18 @@ def test_a_resumed_run_equals_an_uninterrupted_run_with_other_workers(tmp_path, 
     assert [event.step for event in scalars.Scalars("validation/mean_error_cm")] == [2, 4, 6]
 
 
-def test_small_crops_come_first_and_the_models_size_follows():
+def test_small_crops_come_first_and_the_models_size_follows(tmp_path):
     """In the end always: a saved network says that it takes crops of the model's size."""
     plain, small = (CropBatches(PEOPLE, MODEL, ShuffledOrder(20, 4, 0), 0, None, small_crops=one) for one in ((0, 0), (2, 64)))
     assert [small[step].crop.shape[-1] for step in range(4)] == [64, 64, 32, 32]
     np.testing.assert_array_equal(small[1].target, plain[1].target)
     with pytest.raises(InputError, match=r"training\.small_crops: a holistic network takes crops of one size"):
-        short_run(SMALL_FIRST, replace(MODEL, kind="holistic"))
+        run_short(tmp_path, SMALL_FIRST, replace(MODEL, kind="holistic"))
     with pytest.raises(InputError, match=r"small_crops\.share=1\.0: all 6 steps would take smaller crops"):
         replace(SHORT, small_crops=SmallCropsConfig(1.0, 48))
     for crop_px in (32, 48):
         with pytest.raises(InputError, match=rf"small_crops\.crop_px={crop_px}: expected less than model\.crop_px=32"):
-            short_run(replace(SHORT, small_crops=SmallCropsConfig(0.5, crop_px)))
+            run_short(tmp_path, replace(SHORT, small_crops=SmallCropsConfig(0.5, crop_px)))
     assert replace(SHORT, small_crops=SmallCropsConfig(0.95, 48)).small_steps == 5
 
 
@@ -109,6 +109,31 @@ def test_the_best_checkpoint_is_one_of_the_models_crops_however_small_the_errors
     errors_cm = iter((1.0, 2.0, 3.0))
     run_short(tmp_path / "two", replace(SMALL_FIRST, steps=7, validate_every=3, small_crops=SmallCropsConfig(0.5, 32)), LARGER)
     assert read_meta(tmp_path / "two/best")["step"] == 6  # the last one, of one step more, is no other phase
+
+
+def test_the_time_that_is_left_is_that_of_the_pixels_to_come(tmp_path, monkeypatch, caplog):
+    """Here 32 pixels take a second a step, and 64 four; a validation takes a minute, which is not of the steps' speed."""
+    clock_s, step, measured = [0.0], Run.update, loop.validate
+    monkeypatch.setattr(loop.time, "perf_counter", lambda: clock_s[0])
+
+    def update(self, batch):
+        clock_s[0] += (batch.crop.shape[-1] / 32) ** 2
+        return step(self, batch)
+
+    def minute(*given):
+        clock_s[0] += 60
+        return measured(*given)
+
+    monkeypatch.setattr(Run, "update", update)
+    monkeypatch.setattr(loop, "validate", minute)
+    caplog.set_level("INFO")
+    out = run_short(tmp_path / "one", replace(SMALL_FIRST, small_crops=SmallCropsConfig(0.34, 32)), replace(MODEL, crop_px=64))
+    told = [record.getMessage() for record in caplog.records if record.getMessage().endswith(" left")]
+    assert [line.rpartition("; ")[2] for line in told] == [
+        f"{speed} samples/s, about 00:{left_s:02d} left" for speed, left_s in ((8, 16), (2, 8), (2, 0))
+    ]
+    speeds = EventAccumulator(str(out.parent)).Reload().Scalars("train/samples_per_second")
+    assert [event.value for event in speeds] == [8, 2, 2]
 
 
 def test_a_checkpoint_describes_itself(finished):
@@ -288,6 +313,9 @@ def test_a_cpu_trains_in_bfloat16_where_it_is_asked_to(tmp_path, monkeypatch, ca
     monkeypatch.setattr(distributed, "TRIAL", "import os; os.kill(os.getpid(), 4)")  # as an illegal instruction does
     with pytest.raises(InputError, match=r"training\.bfloat16: it ended a process that tried it \(exit status -4\)"):
         run_short(tmp_path / "illegal", replace(SHORT, bfloat16=True))
+    monkeypatch.setattr(distributed, "TRIAL", "raise MemoryError('no memory')")
+    with pytest.raises(InputError, match=r"training\.bfloat16: could not be tried: MemoryError: no memory"):
+        run_short(tmp_path / "failed", replace(SHORT, bfloat16=True))
 
 
 def test_bfloat16_is_tried_as_the_encoder_is_trained():

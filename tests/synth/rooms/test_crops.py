@@ -74,5 +74,7 @@ def test_a_training_sees_them_after_its_samples(folder, tmp_path):
     for same in ("validation/../train", "copy"):
         with pytest.raises(InputError, match=f"{same}: the same people and scenes as are trained on"):
             NetworkTrainingConfig(data=DataConfig(data.train, f"{tmp_path}/{same}")).observed()
+    with pytest.raises(InputError, match="crops_repeated=2: there are no crops; give crops=FOLDER"):
+        NetworkTrainingConfig(crops_repeated=2)
     with pytest.raises(InputError, match="crops_repeated=0"):
         NetworkTrainingConfig(crops_repeated=0)
