@@ -126,6 +126,7 @@ def test_the_time_that_is_left_is_that_of_the_pixels_to_come(tmp_path, monkeypat
 
     monkeypatch.setattr(Run, "update", update)
     monkeypatch.setattr(loop, "validate", minute)
+    monkeypatch.setattr(loop, "LOG_EVERY", 2)
     caplog.set_level("INFO")
     out = run_short(tmp_path / "one", replace(SMALL_FIRST, small_crops=SmallCropsConfig(0.34, 32)), replace(MODEL, crop_px=64))
     told = [record.getMessage() for record in caplog.records if record.getMessage().endswith(" left")]
