@@ -23,9 +23,7 @@ def test_a_slim_installation_leaves_out_what_trains_and_simulates() -> None:
     required = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     listed = re.search(r"^pip install (numpy .*)$", (ROOT / "docs/predicting.md").read_text(), re.MULTILINE)[1].split()
     left_out = {re.match(r"[\w-]+", one)[0] for one in required} - set(listed)
-    assert left_out == {"torch", "mujoco", "trimesh", "hydra-core", "tensorboard"} and len(listed) == len(required) - len(
-        left_out
-    )
+    assert left_out == {"torch", "mujoco", "hydra-core", "tensorboard"} and len(listed) == len(required) - len(left_out)
 
 
 def test_the_wheel_carries_the_bill_of_materials() -> None:

@@ -4,7 +4,7 @@ python tools/people_figures.py                 # clothes, stances, props
 python tools/people_figures.py data/rooms      # rooms: a frame of the first film of each kind of scene, and single images
 """
 
-import sys
+import argparse
 from dataclasses import replace
 from functools import partial
 from itertools import islice
@@ -15,6 +15,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.datasets.protocol import BenchmarkConfig
 from kpopnet.datasets.simulated import PeopleSet
+from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import Joint
 from kpopnet.viz.drawing import TRUE, depth_rgb, draw_skeleton, enlarged, save_png, sheet, with_captions
 from synth.body.asset import load_body
@@ -157,11 +158,19 @@ def rooms(folder: str) -> np.ndarray:
     return sheet([("", tiles[first : first + 5]) for first in range(0, len(tiles), 5)], (TRUE,), "SIMULATED: rooms")
 
 
-if __name__ == "__main__":
-    if sys.argv[1:]:
-        save_png(FIGURES / "rooms.png", rooms(sys.argv[1]))
+@user_errors
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("rooms", nargs="?", help="folder of a set of rooms: its picture instead of the others")
+    given = parser.parse_args()
+    if given.rooms is not None:
+        save_png(FIGURES / "rooms.png", rooms(given.rooms))
     else:
         photographer = Photographer()
         save_png(FIGURES / "clothes.png", clothes(photographer))
         save_png(FIGURES / "stances.png", stances(photographer))
         save_png(FIGURES / "props.png", props())
+
+
+if __name__ == "__main__":
+    main()

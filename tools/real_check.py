@@ -27,6 +27,7 @@ from kpopnet.evaluation.poses.metrics import fraction_within, joint_errors_m, me
 from kpopnet.networks.estimator import NetworkEstimator
 from kpopnet.pose.extraction import extract_person
 from kpopnet.runtime.atomic_write import write_json
+from kpopnet.runtime.endings import user_errors
 from kpopnet.skeleton import JOINT_GROUPS, NUM_JOINTS
 
 GROUPS = {"all": tuple(range(NUM_JOINTS)), **JOINT_GROUPS}
@@ -129,6 +130,7 @@ def print_table(title: str, found: dict[str, dict]) -> None:
         print(f"{group:<11}" + "".join(f"{cell:>24}" for cell in cells))
 
 
+@user_errors
 def program() -> None:
     """Command line, described in the module's docstring."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -63,7 +63,8 @@ def make(name: str) -> None:
     for command in known[name]["commands"]:
         words = shlex.split(command)
         print("$", command, flush=True)
-        subprocess.run([sys.executable, *words[1:]] if words[0] == "python" else words, cwd=ROOT, check=True)
+        if subprocess.run([sys.executable, *words[1:]] if words[0] == "python" else words, cwd=ROOT, check=False).returncode:
+            raise InputError(f"{name}: a command of it failed, see above; data that it names in ../shared: docs/datasets.md")
     metrics = json.loads((ROOT / "outputs/results" / name / "metrics.json").read_text())
     commit = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True)
     # Films of several people have figures by kind of scene, which are few: all are kept.

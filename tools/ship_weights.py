@@ -69,7 +69,6 @@ def ship(checkpoint: Path, folder: Path, inputs: Inputs) -> None:
     described = (json.dumps(meta, indent=1) + "\n").encode()
     person, network.person = network.person, None
     files = {WEIGHTS: _halved(network, checkpoint), META: described}
-    (folder / PERSON).unlink(missing_ok=True)  # of the network of before: it would be loaded with this one
     if person is not None:
         files[PERSON] = _halved(person, checkpoint)
     with tempfile.TemporaryDirectory() as place:
@@ -79,6 +78,8 @@ def ship(checkpoint: Path, folder: Path, inputs: Inputs) -> None:
         export_network(*load_network(place), whole)  # with the biases of filters in float16
         files[GRAPH] = without_filters(in_eight_bits(whole.read_bytes(), inputs), Path(place) / WEIGHTS)
     _write(folder, "joints", files)
+    if person is None:
+        (folder / PERSON).unlink(missing_ok=True)  # of the network of before: it would be loaded with this one
 
 
 def without_filters(content: bytes, weights: Path) -> bytes:
@@ -134,10 +135,12 @@ def _halved(network: torch.nn.Module, source: Path) -> bytes:
 
 
 def _write(folder: Path, network: str, files: dict[str, bytes]) -> None:
-    """Writes the files of a network, and their digests into the folder's module."""
+    """Writes the files of a network, and their digests into the folder's module; raises InputError for a folder without one."""
+    module = folder / "__init__.py"
+    if not module.is_file():
+        raise InputError(f"{folder}: no {module.name} to hold the digests; copy kpopnet/weights there")
     for name, content in files.items():
         write_whole(folder / name, content)
-    module = folder / "__init__.py"
     rows = "".join(f'        "{name}": "{hashlib.sha256(content).hexdigest()}",\n' for name, content in files.items())
     pattern = re.compile(rf'(^    "{network}": {{\n).*?(^    }},$)', re.DOTALL | re.MULTILINE)
     text, found = pattern.subn(rf"\1{rows}\2", module.read_text())
@@ -194,7 +197,9 @@ def main() -> None:
     parser.add_argument("--lifting", type=Path, help="a network that lifts joints, as tools/fit_lifting.py made it")
     parser.add_argument("--masks", type=Path, help="a finder's mask network: finder.safetensors of training.part=masks")
     parser.add_argument("--set", type=Path, help="folder of what it was trained on: shards, room images or person masks")
-    parser.add_argument("--out", type=Path, default=kpopnet.weights.FOLDER, help="the folder to write: %(default)s")
+    parser.add_argument(
+        "--out", type=Path, default=kpopnet.weights.FOLDER, help="the folder to write, a copy of %(default)s or that one"
+    )
     given = parser.parse_args()
     if sum(one is not None for one in (given.checkpoint, given.lifting, given.masks)) != 1:
         parser.error("give a checkpoint, --lifting or --masks")

@@ -222,7 +222,7 @@ def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:
             raise InputError(f"{config.out}: holds a model; give another folder (out=...), or delete it")
         model = train_tree_walk(config.tree_walk, source, config.seed, bounded_processes(config.workers, "workers"))
         model.save(Path(config.out), {"config": asdict(config), "data": data})
-    log.info(f"{config.out}: judge it by evaluate.py 'estimator=[tree_walk]' estimator.tree_walk.path={config.out}")
+    log.info(f"{config.out}: judge it by kpopnet evaluate 'estimator=[tree_walk]' estimator.tree_walk.path={config.out}")
 
 
 @entry_point({"train": NetworkTrainingConfig, "tree_walk": TreeWalkTrainingConfig, "finder": FinderTrainingConfig})

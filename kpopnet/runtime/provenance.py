@@ -12,13 +12,17 @@ from pathlib import Path
 
 from kpopnet.errors import InputError
 
+CHECKOUT = Path(__file__).parents[2]
+"""Of this code, where it is not installed from a wheel."""
+
 
 def git_revision() -> dict[str, str | bool] | None:
-    """The revision of this code and whether it was changed since; None where it is not in a git repository."""
-    root = Path(__file__).parent
+    """The revision of this code and whether it was changed since; None where it is no checkout, but installed."""
+    if not (CHECKOUT / "pyproject.toml").is_file():  # a git repository around it is another's
+        return None
     try:
         revision, changes = (
-            subprocess.run(["git", *command], cwd=root, capture_output=True, text=True, check=True).stdout.strip()
+            subprocess.run(["git", *command], cwd=CHECKOUT, capture_output=True, text=True, check=True).stdout.strip()
             for command in (("rev-parse", "HEAD"), ("status", "--porcelain"))
         )
     except (OSError, subprocess.CalledProcessError):
@@ -36,9 +40,8 @@ def install_command(extra: str) -> str:
 
     In double quotes, which the shells of Windows know too.
     """
-    checkout = Path(__file__).parents[2]
-    if (checkout / "pyproject.toml").is_file():
-        return f'pip install -e "{checkout}[{extra}]"'
+    if (CHECKOUT / "pyproject.toml").is_file():
+        return f'pip install -e "{CHECKOUT}[{extra}]"'
     try:
         installed = distribution("kpopnet")
     except PackageNotFoundError:

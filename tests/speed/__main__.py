@@ -4,6 +4,7 @@ Every module `speed_*.py` beside this one has a function `measure()` that return
 are ratios within one run, or medians per core; run it on a quiet machine. Results go to outputs/speed.json.
 """
 
+import argparse
 import importlib
 import json
 import sys
@@ -61,4 +62,6 @@ def main(wanted: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("measures", nargs="*", help="all by default")
+    main(parser.parse_args().measures)

@@ -31,7 +31,7 @@ from kpopnet.skeleton import BONES, JOINT_NAMES, NUM_JOINTS, Joint
 
 TREES, META = "trees.safetensors", "meta.json"
 FORMAT, VERSION = "kpopnet-tree-walk", 1
-TRAIN_ONE = "`python train.py --config-name tree_walk` trains one"
+TRAIN_ONE = "`kpopnet train --config-name tree_walk` trains one"
 
 UNITS = 10_000
 """Integer depth units per half edge of the cube; a unit is about a tenth of a millimetre."""

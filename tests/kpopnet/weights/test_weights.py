@@ -144,6 +144,14 @@ def test_what_this_checkout_ships_can_be_loaded():
     assert np.isfinite(estimator.estimate(DEPTH_M, CAMERA).joints_camera_m).all()
 
 
+def test_a_folder_without_a_module_for_the_digests_is_left_as_it_is(tmp_path):
+    causal, future = kpopnet.weights.shipped("over_time")
+    (tmp_path / "new").mkdir()
+    with pytest.raises(InputError, match=r"new: no __init__\.py to hold the digests; copy kpopnet/weights there"):
+        ship_weights.ship_over_time(causal, future, tmp_path / "new")
+    assert not list((tmp_path / "new").iterdir())
+
+
 def test_a_finder_is_shipped_beside_the_network(tmp_path, shipped, monkeypatch):
     mine = tmp_path / "mine.safetensors"
     mine.write_bytes(save_weights(FinderNetwork().state_dict()))
