@@ -127,7 +127,7 @@ def test_a_tree_walk_is_trained_and_judged(place):
     words = "--config-name", "tree_walk", "out=model", "data.train=train", "data.validation=validation", "workers=0", *tree_walk
     done = run(place, *words)
     assert done.returncode == 0, done.stderr
-    assert "evaluate.py 'estimator=[tree_walk]' estimator.tree_walk.path=model" in done.stdout + done.stderr
+    assert "kpopnet evaluate 'estimator=[tree_walk]' estimator.tree_walk.path=model" in done.stdout + done.stderr
     again = run(place, *words, "seed=3")
     assert again.returncode == 1 and "model: holds a model; give another folder" in again.stderr
     meta = json.loads((place / "model" / "meta.json").read_text())

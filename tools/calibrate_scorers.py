@@ -21,7 +21,6 @@ Dances and their scores are kept in the folder: a program that was stopped goes 
 """
 
 import argparse
-import datetime
 import hashlib
 import json
 import re
@@ -42,7 +41,7 @@ from kpopnet.evaluation.dances.ranking import is_ordered, mcnemar_p_value, wilso
 from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap, interval_of
 from kpopnet.runtime.atomic_write import write_json, write_npz
 from kpopnet.runtime.hydra_app import user_errors
-from kpopnet.runtime.provenance import git_revision
+from kpopnet.runtime.provenance import measured_by
 from synth.dances.faults import ENDS
 from synth.dances.simulate import FPS, HEADING_STD_DEG, VIEW, KpopSim, KpopSimConfig
 from synth.motion import MotionConfig
@@ -329,12 +328,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         tied = {name: one["within them, with as many pairs"] for name, one in of_scorers.items() if name != "dance22"}
     found = choose(options.folder) if options.part == "choose" else compare(options.folder, options.recordings, tied)
     seeds = {name: of.seed for name, of in (TRAINING if options.part == "choose" else HELD_BACK).items()}
-    about = {
-        "command": f"python tools/calibrate_scorers.py {options.part} outputs/scorers"
-        + (" --recordings PACK" if options.recordings else "")
-        + (" --chosen results/scorers_chosen.json" if options.chosen else ""),
-        "code": git_revision(),
-        "date": datetime.date.today().isoformat(),
+    about = measured_by() | {
         "seeds": seeds,
         "settings": {name: [scorer.alpha, scorer.beta, scorer.tau] for name, scorer in SCORERS.items()},
     }

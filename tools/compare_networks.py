@@ -60,38 +60,25 @@ def errors_m(results: list[PoseResults], joints: tuple[int, ...]) -> np.ndarray:
     return np.stack([one.errors_m()[:, list(joints)] for one in results], axis=1)
 
 
-def figures(results: list[PoseResults], seed: int) -> dict[str, dict]:
-    """By joint group: percent within 10 cm and mean error in cm, as `_over_trainings` has them."""
-    found = {}
-    for group, joints in GROUPS.items():
-        errors = errors_m(results, joints)
-        near, distance_cm = 100 * (errors < 0.10), 100 * np.where(np.isfinite(errors), errors, 0)
-        found[group] = {
-            "within_10cm": _over_trainings(near, ~np.isnan(errors), results[0].unit, seed),
-            "mean_cm": _over_trainings(distance_cm, np.isfinite(errors), results[0].unit, seed),
-        }
-    return found
-
-
-def differences(first: list[PoseResults], second: list[PoseResults], seed: int) -> dict[str, dict]:
-    """By joint group: the same figures of the first trainings less those of the second, training by training.
+def figures(first: list[PoseResults], second: list[PoseResults] | None = None) -> dict[str, dict]:
+    """By joint group: percent within 10 cm and mean error in cm, as `_over_trainings` has them; or less those of `second`.
 
     Mean errors are compared over the joints that both networks found, as in `kpopnet.evaluation.poses.metrics.difference`.
     """
     found = {}
     for group, joints in GROUPS.items():
-        one, other = errors_m(first, joints), errors_m(second, joints)
-        labelled, both = ~np.isnan(one), np.isfinite(one) & np.isfinite(other)
-        near = 100 * ((one < 0.10) & labelled).astype(float) - 100 * ((other < 0.10) & labelled)
-        nearer_cm = np.where(both, 100 * (np.where(both, one, 0) - np.where(both, other, 0)), 0)
+        one, other = errors_m(first, joints), None if second is None else errors_m(second, joints)
+        labelled, both = ~np.isnan(one), np.isfinite(one) & np.isfinite(0 if other is None else other)
+        near = 100.0 * (one < 0.10) - (0 if other is None else 100.0 * (other < 0.10))
+        cm = 100 * (np.where(both, one, 0) - (0 if other is None else np.where(both, other, 0)))
         found[group] = {
-            "within_10cm": _over_trainings(near, labelled, first[0].unit, seed),
-            "mean_cm": _over_trainings(nearer_cm, both, first[0].unit, seed),
+            "within_10cm": _over_trainings(near, labelled, first[0].unit),
+            "mean_cm": _over_trainings(cm, both, first[0].unit),
         }
     return found
 
 
-def _over_trainings(values: np.ndarray, counted: np.ndarray, unit: np.ndarray, seed: int) -> dict:
+def _over_trainings(values: np.ndarray, counted: np.ndarray, unit: np.ndarray) -> dict:
     """The mean over S trainings of the ratio of the sums of two (N, S, K) arrays, its intervals, and the ratios.
 
     Everything is None where a training has nothing that counts.
@@ -100,7 +87,7 @@ def _over_trainings(values: np.ndarray, counted: np.ndarray, unit: np.ndarray, s
     if not below.sum(axis=0).all():
         return dict.fromkeys(("value", "other_trainings", "other_trainings_and_units", "by_training"))
     by_training = above.sum(axis=0) / below.sum(axis=0)
-    units, trainings = Bootstrap(unit, seed), Bootstrap(np.arange(len(by_training)), seed + 1)
+    units, trainings = Bootstrap(unit, 0), Bootstrap(np.arange(len(by_training)), 1)
     sums = units.sums(above), units.sums(below)
     drawn = np.divide(*sums, out=np.full_like(sums[0], np.nan), where=sums[1] > 0)
     return {
@@ -140,13 +127,13 @@ def in_the_labels_definition(results: dict[str, PoseResults]) -> dict[str, PoseR
     }
 
 
-def compare(results: dict[str, PoseResults], ways: dict[str, list[str]], pairs: list[str], seed: int = 0) -> dict[str, dict]:
+def compare(results: dict[str, PoseResults], ways: dict[str, list[str]], pairs: list[str]) -> dict[str, dict]:
     """The figures of every way, then the differences of every pair, by name."""
     of = {name: [results[run] for run in runs] for name, runs in ways.items()}
-    found = {name: figures(of[name], seed) for name in ways}
+    found = {name: figures(of[name]) for name in ways}
     for pair in pairs:
         first, second = pair.split("-")
-        found[pair] = differences(of[first], of[second], seed)
+        found[pair] = figures(of[first], of[second])
     return found
 
 

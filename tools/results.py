@@ -10,7 +10,6 @@ set: the intervals are over all their people, the seeds stand beside.
 
 import argparse
 import json
-import platform
 import re
 import shlex
 import subprocess
@@ -24,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from kpopnet.errors import InputError
+from kpopnet.evaluation.acceptance.sheet import machine
 from kpopnet.evaluation.dances.ranking import in_order_by_one, mcnemar_p_value, wilson_interval
 from kpopnet.evaluation.intervals import FEWEST_UNITS, Bootstrap
 from kpopnet.evaluation.values import Table, Value
@@ -76,16 +76,11 @@ def make(name: str) -> None:
         "commands": known[name]["commands"],
         "commit": commit.stdout.strip(),
         "date": datetime.now(UTC).date().isoformat(),
-        "machine": _machine(),
+        "machine": machine()["processor"],
         "benchmark": metrics["benchmark"],
         "estimators": estimators,
     }
     write_json(RESULTS / f"{name}.json", found)
-
-
-def _machine() -> str:
-    cpu = re.search(r"model name\s*:\s*(.*)", Path("/proc/cpuinfo").read_text()) if Path("/proc/cpuinfo").exists() else None
-    return cpu[1] if cpu else platform.processor()
 
 
 def _kept(metrics: dict, by_person: bool) -> dict:

@@ -28,7 +28,6 @@ FILES = "crops_*.h5"
 
 SCHEMA = Hdf5Schema(
     name="person crops",
-    attributes={"format": str, "version": int},
     fixed={"format": FORMAT, "version": VERSION},
     arrays={
         "pixels_mm": ArraySchema("u", ("M",)),

@@ -26,7 +26,6 @@ FILES = "masks_*.h5"
 
 SCHEMA = Hdf5Schema(
     name="person masks",
-    attributes={"format": str, "version": int},
     fixed={"format": FORMAT, "version": VERSION},
     arrays={
         "depth_mm": ArraySchema("u", ("N", CROP_PX, CROP_PX)),

@@ -28,7 +28,6 @@ FILES = "images_*.h5"
 
 SCHEMA = Hdf5Schema(
     name="room images",
-    attributes={"format": str, "version": int},
     fixed={"format": FORMAT, "version": VERSION},
     arrays={
         "depth_mm": ArraySchema("u", ("N", CANVAS[1], CANVAS[0])),

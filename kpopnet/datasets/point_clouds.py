@@ -42,6 +42,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.data.made_sets import MANIFEST
 from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, heading_rad
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_budget, expect
@@ -96,8 +97,8 @@ class PointCloudBenchmark:
     def __init__(self, config: PointCloudConfig) -> None:
         """Lists the sequences; raises InputError if there are none, or the joint map is missing or invalid."""
         self.folder = config.folder(f"the folder that holds {self.first_file} and the others")
-        if (self.folder / "manifest.json").exists():  # of a set that `synth` wrote
-            raise InputError(f"{self.folder}: simulated according to its manifest.json, and not {self.set_name}")
+        if (self.folder / MANIFEST).exists():  # of a set that `synth` wrote
+            raise InputError(f"{self.folder}: simulated according to its {MANIFEST}, and not {self.set_name}")
         self._names, self._ids = self.names_in(self.folder), checked_map(config.joints)
         if not self._names:
             raise InputError(

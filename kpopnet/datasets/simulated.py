@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.camera import Camera, depth_in_metres
+from kpopnet.data.made_sets import MANIFEST
 from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, check_joints, heading_rad
 from kpopnet.errors import InputError, check_between
 from kpopnet.runtime.atomic_write import atomic_hdf5
@@ -24,7 +25,6 @@ from kpopnet.skeleton import NUM_JOINTS
 log = logging.getLogger(__name__)
 
 FORMAT, VERSION = "kpopnet sequence", 1
-MANIFEST = "manifest.json"
 MAX_COORDINATE_M = 100.0
 
 SCHEMA = Hdf5Schema(

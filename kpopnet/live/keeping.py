@@ -34,10 +34,6 @@ WRITING = OSError, RuntimeError
 """What h5py raises where a disk is full or gone, the latter when the file is closed."""
 
 
-def _told(error: Exception) -> str:
-    return of_the_disk(error) if isinstance(error, OSError) else str(error)
-
-
 class DepthRecorder:
     """Writes every image of the camera between start and stop; the camera's thread writes, another one gives the orders.
 
@@ -79,7 +75,7 @@ class DepthRecorder:
                 self._writer.add(image.depth_m, image.taken - self._first)
                 self._last = image.taken
             except WRITING as error:
-                self._end(f"; it ended early: {_told(error)}")
+                self._end(f"; it ended early: {of_the_disk(error)}")
 
     def stop(self) -> None:
         """Ends the recording, if one goes on."""
@@ -103,7 +99,7 @@ class DepthRecorder:
         try:
             writer.close()
         except WRITING as error:
-            why = why or f"; it is not complete: {_told(error)}"
+            why = why or f"; it is not complete: {of_the_disk(error)}"
         if not writer.images:
             writer.path.unlink(missing_ok=True)
             self._told = f"no image came: nothing was recorded{why}"

@@ -204,8 +204,7 @@ class Watcher:
                     self._quit = True
                     self._hold(False)  # a recording that stands still would be waited for
         except (OSError, InputError) as error:
-            why = of_the_disk(error) if isinstance(error, OSError) else error
-            self._tell("said", {"text": f"not saved: {why}"})
+            self._tell("said", {"text": f"not saved: {of_the_disk(error)}"})
 
     def _hold(self, paused: bool) -> None:
         self._paused = paused

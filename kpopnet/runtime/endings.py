@@ -159,8 +159,10 @@ def _message(error: Exception) -> str | None:
     return None
 
 
-def of_the_disk(error: OSError) -> str:
-    """What happened to a file, and what the user can do about it."""
+def of_the_disk(error: Exception) -> str:
+    """What happened to a file, and what the user can do about it; of any other error its text."""
+    if not isinstance(error, OSError):
+        return str(error)
     path = "a file" if error.filename is None else os.fsdecode(error.filename)
     path = path if len(path) <= 300 else f"{path[:150]}...{path[-100:]}"
     number = error.errno or errno.EIO

@@ -44,7 +44,8 @@ def opened_hdf5(path: Path, schema: Hdf5Schema, **options: Any) -> h5py.File:
     with readable(path, schema):
         file = h5py.File(path, "r", locking=False, **options)
         lengths: dict[str, int] = {}
-        attributes = check_fields(f"{path}: attributes", attributes_of(file), schema.attributes, schema.optional)
+        kinds = {name: type(value) for name, value in schema.fixed.items()} | dict(schema.attributes)
+        attributes = check_fields(f"{path}: attributes", attributes_of(file), kinds, schema.optional)
         for name, value in schema.fixed.items():
             found = attributes.get(name, value)
             expect(found == value, f"{path}: attribute {name}", f"{str(value)[:200]}, found {str(found)[:200]}")

@@ -1,15 +1,9 @@
 """Confidence of joints that were fitted to the depth: the probability that a joint is within 10 cm of the truth.
 
 A logistic regression of how well the body explains the points around the joint and on the whole person. A tracker that lost
-its person fits badly everywhere, which the points around one joint may not show. The weights were fitted to simulated people
-whom no benchmark shows:
-
-    python -m synth benchmark=eval_sim benchmark.seed=101 benchmark.sequences=8 out=data/confidence/101
-    python -m synth benchmark=eval_sim benchmark.seed=102 benchmark.sequences=8 out=data/confidence/102
-    python tools/fit_confidence.py data/confidence/101 data/confidence/102 --checkpoint outputs/train/RUN/best
-
-prints them again. On simulated depth they give probabilities; where a data set defines a joint elsewhere than the simulated
-people do, the confidence cannot know it.
+its person fits badly everywhere, which the points around one joint may not show. tools/fit_confidence.py fitted the weights to
+simulated people whom no benchmark shows. On simulated depth they give probabilities; where a data set defines a joint elsewhere
+than the simulated people do, the confidence cannot know it.
 """
 
 import numpy as np

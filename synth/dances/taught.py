@@ -9,15 +9,14 @@ import numpy as np
 
 from kpopnet.camera import CAMERAS
 from synth.body.teacher import teacher_person
+from synth.dances.simulate import is_danceable
 from synth.motion.choreography.composer import dance, tempo_bpm
 from synth.motion.skeleton import Motion
 from synth.simulated.film import Studio
-from synth.simulated.generator import is_faulty
 
 DANCES = 100
 FPS = 30.0
 SEED = 20181  # first seed of the collection; a dance that leaves the stage is replaced by that of the next seed
-MAX_TRAVEL_M = 1.0
 SECONDS = (20.0, 36.0)
 CURLS_RAD = np.array([0.3, 0.3])
 
@@ -41,14 +40,14 @@ def dance_title(index: int) -> str:
 
 
 def composed(index: int) -> tuple[Motion, float]:
-    """The motion of dance `index` and its beats per minute: whole phrases, on a stage of MAX_TRAVEL_M."""
+    """The motion of dance `index` and its beats per minute: whole phrases, that fit in front of a camera (`is_danceable`)."""
     seed = SEED
     while True:
         bpm = tempo_bpm(index, seed)
         phrase_s = 8 * 60 / bpm
         phrases = np.random.default_rng([SEED, index]).integers(*np.ceil(np.array(SECONDS) / phrase_s))
         motion = dance(index, seed, float(phrases * phrase_s), FPS)
-        if np.ptp(motion.root_m[:, [0, 2]], axis=0).max() < MAX_TRAVEL_M and not is_faulty(motion):
+        if is_danceable(motion):
             return motion, bpm
         seed += 1
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kpopnet.camera import Camera
+from kpopnet.data.room_images import MOST_PEOPLE
 from kpopnet.skeleton import NUM_JOINTS
 from synth.rooms.clutter import CLUTTER, Clutter
 from synth.samples.placing import Body
@@ -21,7 +22,6 @@ from synth.scene.props import held_by, is_sitting, platform_under, seat_under
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.room import View, overlaps_boxes, posed_view
 
-MOST_PEOPLE = 6
 SHARES_OF_COUNTS = (0.12, 0.36, 0.24, 0.13, 0.08, 0.04, 0.03)
 """How many scenes are to show none, one, ..., six people. Who finds no place in PLACE_TRIES is left out: with ALONE, 27 % of
 the scenes show none, 33 % one, 20, 10, 5, 4 and 1 % two to six."""

@@ -20,6 +20,7 @@ import numpy as np
 
 from kpopnet.camera import MM_PER_METRE, Camera
 from kpopnet.dance.performance import Performance
+from kpopnet.data.made_sets import MANIFEST
 from kpopnet.datasets.protocol import BenchmarkConfig, Origin, check_joints
 from kpopnet.errors import InputError
 from kpopnet.runtime.hdf5_files import Hdf5Schema, attributes_of, open_hdf5, read_array, stored_array
@@ -37,7 +38,7 @@ from kpopnet.runtime.input_files import (
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
 
 FORMAT, VERSION = "kpopnet dance", 1
-TEACHER, LABELS, MANIFEST = "teacher.h5", "labels.csv", "manifest.json"
+TEACHER, LABELS = "teacher.h5", "labels.csv"
 MAX_FRAMES = 200_000  # nearly two hours at 30 fps
 MAX_COORDINATE_M, MAX_NAME_BYTES, MAX_LABELS_BYTES = 1000.0, 200, 1_000_000
 

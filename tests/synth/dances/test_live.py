@@ -7,7 +7,8 @@ import synth.dances.live
 from kpopnet.errors import InputError
 from synth.body.shape import draw_person
 from synth.dances.live import CAMERA, LATE_S, LiveLearner, learned, motion_of
-from synth.dances.taught import DANCES, MAX_TRAVEL_M, Teacher, composed, dance_title
+from synth.dances.simulate import MAX_TRAVEL_M
+from synth.dances.taught import DANCES, Teacher, composed, dance_title
 from synth.motion.skeleton import INDEX
 
 
