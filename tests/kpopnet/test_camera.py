@@ -5,6 +5,8 @@ import pytest
 
 from kpopnet.camera import CAMERAS, MOST_PIXELS, MOST_SIDE, Camera, depth_in_metres, sequence_in_metres, subsampled
 from kpopnet.errors import InputError
+from kpopnet.sources.camera_files import read_optics
+from kpopnet.sources.folders import TUM_CAMERA
 
 
 def person(depth: float, dtype: type) -> np.ndarray:
@@ -156,3 +158,24 @@ def test_the_largest_of_sixteen_bits_is_not_measured(kind):
     depth[:, :10] = 65535
     np.testing.assert_array_equal(depth_in_metres(depth.astype(kind)), person(2.5, np.float32))
     assert depth_in_metres(np.full((4, 4), 65535, np.uint32)).min() == np.float32(65.535)
+
+
+def test_centimetres_are_refused():
+    image = np.zeros((240, 320), np.float32)
+    image[80:140, 100:150] = 258.0
+    with pytest.raises(InputError, match="centimetres"):
+        depth_in_metres(image)
+
+
+def test_presets_have_the_numbers_of_their_data_sheets():
+    known = {
+        "kinect_2": (365.0, 512, 424),
+        "azure_kinect": (504.0, 640, 576),
+        "realsense": (433.0, 848, 480),
+        "eval": (285.7, 320, 240),
+        "smmc10": (204.795, 144, 176),
+    }
+    for name, (focal_px, width, height) in known.items():
+        assert CAMERAS[name] == Camera(focal_px, focal_px, (width - 1) / 2, (height - 1) / 2, width, height), name
+    assert Camera(525.0, 525.0, 319.5, 239.5, 640, 480) == TUM_CAMERA
+    assert read_optics("azure_kinect", 320, 288).camera == CAMERAS["azure_kinect"].resized(320, 288)

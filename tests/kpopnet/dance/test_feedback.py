@@ -13,6 +13,7 @@ from kpopnet.dance.feedback import MOMENTS_PER_PHRASE, feedback, moments_since
 from kpopnet.dance.parts import PartScorer
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
+from kpopnet.dance.words.moments import clock
 from kpopnet.skeleton import Joint
 
 TEACHER_M = dance_joints_m(0, 16.0)
@@ -229,3 +230,61 @@ def test_a_teacher_of_whom_nothing_can_be_compared_is_no_error():
     teacher_m = TEACHER_M.copy()
     teacher_m[:, Joint.TORSO] = np.nan
     assert told(TEACHER_M, teacher_m=teacher_m).moments == ()
+
+
+PHRASES_M = dance_joints_m(1, 16.0)
+
+
+def third(learner_m):
+    """What is told of the third phrase."""
+    return feedback(score_dance(performed(PHRASES_M), performed(learner_m))).phrases[2].moments
+
+
+def of_third(faulty_m):
+    """The dance but for its third phrase, which is that of another one."""
+    learner_m = PHRASES_M.copy()
+    learner_m[240:360] = faulty_m[240:360]
+    return learner_m
+
+
+def test_who_dances_another_phrase_is_told_where_it_belongs():
+    for shift, place in ((240, "0:00"), (-120, "0:12")):
+        told = [str(one.fault) for one in third(of_third(np.roll(PHRASES_M, shift, axis=0)))]
+        assert told[0] == f"danced what belongs at {place}", (shift, told)
+
+
+def test_the_share_of_small_movements_is_that_of_the_teachers():
+    (first, *_) = third(of_third(made.smaller(PHRASES_M, 0.6)))
+    assert first.direction == "too small" and 50 < int(str(first.fault).split(", ")[1].split("%")[0]) < 80, first.fault
+
+
+def test_who_moves_too_little_and_late_is_told_both():
+    told = {
+        one.direction
+        for one in feedback(score_dance(performed(PHRASES_M), performed(made.smaller(PHRASES_M, 0.6), 0.25))).moments
+    }
+    assert {"too small", "late"} <= told, told
+
+
+def hints_at(tempo):
+    learner = Performance(TEACHER_M, np.arange(len(TEACHER_M)) / FPS / tempo)
+    return " ".join(feedback(score_dance(performed(TEACHER_M), learner)).hints)
+
+
+def test_who_is_too_slow_is_not_told_to_be_too_fast():
+    assert "10% too fast" in hints_at(1.1) and "10% too slow" in hints_at(0.9)
+
+
+def test_what_is_not_in_the_picture_is_told_in_its_phrases_alone():
+    phrases = feedback(score_dance(performed(TEACHER_M), performed(hidden(TEACHER_M, 5, 7.5)))).phrases
+    assert [bool(one.unseen) for one in phrases] == [False, True, False, False]
+
+
+def test_a_part_that_differs_a_little_throughout_is_not_praised():
+    learner_m = arm_lowered(TEACHER_M, "left", 20)
+    score = score_dance(performed(TEACHER_M), performed(learner_m))
+    assert 40 < score.parts["left arm"] < 85 and "left arm" not in " ".join(feedback(score).praise), score.parts
+
+
+def test_times_before_the_music_have_a_sign():
+    assert [clock(at) for at in (-5.2, -0.4, 65.5, 59.6)] == ["-0:05", "0:00", "1:06", "1:00"]

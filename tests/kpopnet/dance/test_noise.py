@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dance_learners import arms_lowered, hidden, smaller, standing
+from dance_learners import arm_lowered, arms_lowered, hidden, never_turning, smaller, standing
 from dance_people import FPS, dance_joints_m, noisy, performed
 from programs import tool
 
 from kpopnet.dance.features import FEATURES
+from kpopnet.dance.feedback import feedback
 from kpopnet.dance.noise.table import CERTAIN, NOISE, SEEN, SEEN_BY, doubt, kept_by_noise
 from kpopnet.dance.online import OnlineScorer
 from kpopnet.dance.performance import Performance, off_by
@@ -198,3 +199,26 @@ def test_the_doubt_of_a_part_is_that_of_the_frames_that_show_it():
     of_two, of_none = doubt(np.array([[0.9, 0.0], [0.6, 0.0], [0.0, 0.0]]))
     assert of_two == pytest.approx(np.sqrt((0.1 + CERTAIN) * (0.4 + CERTAIN))) and of_none == 1
     assert doubt(np.ones((3, 1))) == pytest.approx(0.003)
+
+
+def test_the_uncertainty_is_200_times_the_spread_of_what_errors_take(monkeypatch):
+    loss = dict.fromkeys(("arm", "leg", "torso", "turning"), (1.0, 0.0))  # perfect dancing keeps half
+    monkeypatch.setitem(NOISE, "half", NOISE["none"]._replace(loss=loss, spread=0.05))
+    teacher = performed(never_turning(dance_joints_m(0)))
+    assert score_dance(teacher, teacher, replace(OURS, noise="half")).uncertainty == pytest.approx(10, abs=0.3)
+
+
+@pytest.mark.parametrize(("std_deg", "is_told"), [(5.0, True), (15.0, False)])
+def test_a_difference_within_two_deviations_of_the_estimators_error_is_not_told(monkeypatch, std_deg, is_told):
+    monkeypatch.setitem(NOISE, "rough", NOISE["none"]._replace(std_rad={"left_elbow_inclination": np.radians(std_deg)}))
+    teacher_m = dance_joints_m(0, 16.0)
+    learner = performed(arm_lowered(teacher_m, "left", 20))
+    told = feedback(score_dance(performed(teacher_m), learner, replace(OURS, noise="rough"))).faults
+    assert any((one.part, one.direction) == ("left arm", "too low") for one in told) is is_told
+
+
+def test_no_part_exceeds_100_while_dancing():
+    online, latest = OnlineScorer(performed(JOINTS_M), replace(OURS, noise="realtime")), []
+    for frame, pose_m in enumerate(JOINTS_M):
+        latest.append(online.update(pose_m, frame / FPS, np.full(15, 0.8)))
+    assert max(value for one in latest if one for value in one.parts.values()) <= 100

@@ -417,3 +417,12 @@ def test_of_an_estimator_whose_noise_is_known_the_teachers_own_torso_stays():
     teacher = performed(JOINTS_M)
     score = score_dance(teacher, derived_torso(teacher), PartScorer(noise="webcam"))
     np.testing.assert_array_equal(score.teacher_m, score_dance(teacher, teacher).teacher_m)
+
+
+def test_between_two_delays_a_frame_has_that_of_the_windows_around_it():
+    """By the middle of the windows, so that stage and dynamics are compared with what was matched."""
+    teacher_m = dance_joints_m(1, 16.0)
+    times_s = np.arange(len(teacher_m)) / FPS
+    late_s = score_dance(performed(teacher_m), Performance(teacher_m, times_s + np.where(times_s >= 8, 0.4, 0.0)))._delays_s
+    assert abs(late_s[: round(6.5 * FPS)]).max() < 0.1 and abs(late_s[round(9.9 * FPS) :] - 0.4).max() < 0.1
+    assert np.argmax(late_s > 0.2) / FPS == pytest.approx(8.2, abs=0.45)

@@ -151,3 +151,10 @@ def test_the_errors_that_a_learners_joints_have_are_known_unless_others_are_name
     plain = score_dance(performed(JOINTS_M), learner, replace(OURS, noise="none"))
     assert plain.similarity < found.similarity and score_dance(performed(JOINTS_M), performed(learner_m)).uncertainty == 0
     assert score_dance(performed(JOINTS_M), learner, SCORERS["paper"]).scorer is SCORERS["paper"]
+
+
+def test_by_webcam_a_delay_between_two_frames_is_known_as_well(monkeypatch):
+    monkeypatch.setitem(NOISE, "flat", NOISE["none"]._replace(sees_depth=False))
+    for delay_s in (0.111, 0.122):
+        found = score_dance(performed(JOINTS_M), performed(JOINTS_M, delay_s), replace(OURS, noise="flat")).windows.delay_s
+        assert np.median(found) == pytest.approx(delay_s, abs=0.004)

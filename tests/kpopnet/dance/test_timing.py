@@ -8,7 +8,7 @@ from dance_people import FPS, dance_joints_m
 
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
-from kpopnet.dance.timing import beat_latency_s, tempo
+from kpopnet.dance.timing import beat_latency_s, measured_latency_s, tempo
 from kpopnet.skeleton import Joint
 
 BEAT_S = 1.0
@@ -60,3 +60,26 @@ def test_a_tempo_whose_windows_match_by_chance_is_not_told(dance, ratio, told):
     times_s = np.arange(len(joints_m)) / FPS
     found = score_dance(Performance(joints_m, times_s), Performance(joints_m, times_s / ratio)).tempo
     assert found == pytest.approx(ratio, abs=0.02) if told else np.isnan(found)
+
+
+def test_a_latency_is_measured_where_the_window_is_no_chance_match():
+    delay_s, weight = np.repeat([0.27, 1.1], [20, 30]), np.ones(50)
+    assert measured_latency_s(delay_s, np.repeat([80.0, 30.0], [20, 30]), weight) == pytest.approx(0.27)
+    assert np.isnan(measured_latency_s(delay_s[:5], np.full(5, 90.0), np.ones(5)))  # five windows are too few
+
+
+@pytest.mark.parametrize("hand", [Joint.LEFT_HAND, Joint.RIGHT_HAND])
+def test_the_delay_of_either_arm_that_is_up_on_the_beat_is_measured(hand):
+    times_s = np.arange(300) / 30
+    joints_m = np.random.default_rng(0).normal((0, 0, 2.5), 0.01, (300, 15, 3))
+    joints_m[:, hand, 1] -= 0.5 * ((1 + np.cos(2 * np.pi * (times_s - 0.15))) / 2) ** 2
+    assert beat_latency_s(joints_m, times_s, 1.0) == pytest.approx(0.15, abs=0.02)
+
+
+def test_windows_without_weight_and_too_few_known_ones_tell_no_tempo():
+    start_s = 0.5 * np.arange(36)
+    delay_s, ones = -0.05 * start_s, np.ones(36)
+    assert tempo(start_s, np.where(start_s < 12, delay_s, 0.3 * start_s), 90 * ones, 1.0 * (start_s < 12)) == pytest.approx(
+        1.05
+    )
+    assert np.isnan(tempo(start_s, np.where(np.arange(36) < 10, delay_s, np.nan), 90 * ones, ones))  # 10 of 36

@@ -47,3 +47,7 @@ def test_few_units_that_count_or_equal_ones_give_no_interval():
         assert Bootstrap(np.arange(20), 0).interval(always * shown, shown) is None, always
     for unit in (np.zeros(4), np.zeros(0)):
         assert Bootstrap(unit, 0).interval(np.ones((len(unit), 3)), np.ones((len(unit), 3))) is None
+
+
+def test_a_resample_holds_as_many_units_as_the_set():
+    assert (Bootstrap(np.arange(6), 0).sums(np.ones((6, 1))) == 6).all()

@@ -187,3 +187,17 @@ def test_of_two_who_sat_for_long_the_one_who_moves_is_who_sat_there():
         assert seen(followed, number / 30, *both, doubtful=[0, 1] if number else []) == [0, 1]
     assert seen(followed, 1.5, both[0], doubtful=[0]) == [0]
     assert seen(followed, 3.0, both[0]) == [0]
+
+
+def test_no_two_of_an_image_have_one_identity():
+    followed = Followed()
+    assert seen(followed, 0.0, (0, 0, 3)) == [0]
+    seen(followed, 0.2)
+    assert seen(followed, 0.5, (0, 0, 3), (2, 0, 3)) == [0, 1]  # the second is where the first, missing for 0.5 s, could be
+
+
+def test_of_two_who_left_long_ago_the_later_one_comes_back_first():
+    followed = Followed()
+    assert seen(followed, 0.0, (-1, 0, 3), (1, 0, 3)) == [0, 1]
+    assert seen(followed, 1.0, (-1, 0, 3)) == [0]
+    assert seen(followed, 100.0, (0, 0, 6)) == [0]

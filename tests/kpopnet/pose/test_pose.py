@@ -364,3 +364,13 @@ def test_who_is_found_again_after_long_is_measured_anew():
         detected.see(human, time_s)
         bodies.append(detected._body)
     assert bodies[0] is bodies[1] is not bodies[2] is bodies[3]
+
+
+def test_the_first_of_a_recordings_people_is_who_is_seen_longest():
+    frames = [compose(room(), shifted(standing(2.6), -45)) for _ in range(12)]
+    frames = [compose(one, shifted(standing(3.2), 45)) if 4 <= t < 8 else one for t, one in enumerate(frames)]
+    first, second = PoseEstimator(Blob(), people=2).estimate(frames, ROOM_CAMERA)
+    seen = [np.isfinite(one.joints_camera_m).all(axis=(1, 2)).sum() for one in (first, second)]
+    assert seen[0] > seen[1]
+    (main,) = PoseEstimator(Blob(), people=1).estimate(frames, ROOM_CAMERA)
+    assert main.identity == first.identity

@@ -1,9 +1,13 @@
 """Bags of ROS 1 and 2, written by rosbags, give the depth, the camera and the times that were written."""
 
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import ros_files
+
+from kpopnet.sources import ros
 
 pytest.importorskip("rosbags", reason="the extra ros is not installed")
 
@@ -88,3 +92,24 @@ def test_what_cannot_be_read_is_refused_in_one_line(suffix, tmp_path):
     ):
         with pytest.raises(InputError, match=told):
             open_depth(write_ros(tmp_path / f"{name}{suffix}", images, **content))
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
+def test_times_go_on_over_whole_seconds(name, tmp_path, monkeypatch):
+    def header(self, number):
+        sec, nanosec = divmod(round(number * 1e9 / FPS) + 900_000_000, 10**9)
+        stamp = self.types.Time(sec=ros_files.START_S + sec, nanosec=nanosec)
+        return self.types.Header(stamp=stamp, frame_id="depth", **({"seq": number} if self.is_ros1 else {}))
+
+    monkeypatch.setattr(ros_files.Messages, "header", header)
+    source = open_depth(write_ros(tmp_path / name, depth_mm(6)))
+    np.testing.assert_allclose([one.time_s for one in source.timed()], np.arange(6) / FPS, atol=1e-6)
+
+
+@pytest.mark.parametrize(("encoding", "dtype"), [("16UC1", ">u2"), ("32FC1", ">f4")])
+def test_bytes_of_the_other_order_are_read(encoding, dtype):
+    stored = (IMAGES[0] / (1 if encoding == "16UC1" else 1000)).astype(dtype)
+    height, width = stored.shape
+    data = np.frombuffer(stored.tobytes(), np.uint8)
+    message = SimpleNamespace(encoding=encoding, is_bigendian=1, width=width, height=height, step=stored.strides[0], data=data)
+    np.testing.assert_array_equal(ros._raw(message, "here"), stored)

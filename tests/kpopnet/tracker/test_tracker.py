@@ -13,7 +13,8 @@ from kpopnet.estimator import Estimate
 from kpopnet.geometry.depth_grid import build_depth_grid
 from kpopnet.geometry.human_model import HumanModel
 from kpopnet.skeleton import MIRROR, Joint
-from kpopnet.tracker.tracker import FLIP_STRIDE, Tracker
+from kpopnet.tracker import tracker as module
+from kpopnet.tracker.tracker import FLIP_STRIDE, MAX_STEP_M, VELOCITY_DAMPING, Tracker, _visible_m2
 from synth.simulated.stand_ins import EvalSim, EvalSimConfig
 
 CAMERA = CAMERAS["kinect_v1"]
@@ -218,3 +219,46 @@ def test_tracking_recovers_from_a_half_image_dropout(dancer, lost) -> None:
     found, confidence = tracked(Tracker(CAMERA), sequence, joints[0])
     assert np.isfinite(found).all() and np.isfinite(confidence).all()
     assert error_m(found[-1], joints[-1]).mean() < 0.05
+
+
+def test_who_stays_half_hidden_and_moves_is_followed_again_after_a_while():
+    x, y, z = PLACE_M
+    steps_m = 0.03 * np.maximum(np.arange(20) - 3, 0)
+    joints = np.stack([cone_joints(-50, 8, place_m=(x + step_m, y, z)) for step_m in steps_m])
+    depth = filmed(joints, CAMERA)
+    depth[3:, 120:] = 0  # from here on a table hides all below
+    found, _ = tracked(Tracker(CAMERA), depth, joints[0])
+    upper = slice(0, 4)
+    assert error_m(found[-1:, upper], joints[-1:, upper]).mean() < 0.12
+
+
+def test_the_visible_area_is_the_same_at_any_distance():
+    areas_m2 = []
+    for z in (1.5, 3.0):
+        image = np.zeros((240, 320), np.float32)
+        (u0, v0, _), (u1, v1, _) = CAMERA.project(np.array([(-0.2, -0.5, z), (0.2, 0.5, z)]))
+        image[round(v0) : round(v1), round(u0) : round(u1)] = z
+        areas_m2.append(_visible_m2(build_depth_grid(image, CAMERA)))
+    assert areas_m2 == pytest.approx([0.4, 0.4], rel=0.08)
+
+
+def test_the_next_pose_is_expected_ahead_of_the_last_step(monkeypatch):
+    expected, best_fit = [], module._best_fit
+
+    def watched(candidates, expected_m, *rest):
+        expected.append(expected_m)
+        return best_fit(candidates, expected_m, *rest)
+
+    monkeypatch.setattr(module, "_best_fit", watched)
+    x, y, z = PLACE_M
+    joints = np.stack([cone_joints(-50, 8, place_m=(x + 0.05 * t, y, z)) for t in range(4)])
+    found, _ = tracked(Tracker(CAMERA), filmed(joints, CAMERA), joints[0])
+    step_m = np.clip(found[2] - found[1], -MAX_STEP_M, MAX_STEP_M)
+    np.testing.assert_allclose(expected[3], found[2] + VELOCITY_DAMPING * step_m, atol=1e-6)
+
+
+def test_the_trackers_confidence_is_about_the_share_of_joints_within_10_cm(simulated):
+    depth, joints, camera = simulated
+    found, confidence = tracked(Tracker(camera), depth, joints[0])
+    within = (error_m(found, joints) < 0.1).mean()
+    assert confidence.mean() == pytest.approx(within, abs=0.12)

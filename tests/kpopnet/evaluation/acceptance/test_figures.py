@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from two_people_files import write_two_people
 
 from kpopnet.camera import Camera
+from kpopnet.datasets.check_script import step_s
 from kpopnet.errors import InputError
 from kpopnet.evaluation.acceptance.figures import exchanges, false_people, figures, script_fault
 from kpopnet.evaluation.acceptance.watched import Kept, Watched, stored_truth, surfaces_m2
@@ -174,3 +175,12 @@ def test_the_truth_of_two_people_is_refused(tmp_path):
     (path,) = tmp_path.rglob("*.h5")
     with pytest.raises(InputError, match=r"pair_00.*expected a film of one person"):
         stored_truth(path)
+
+
+def test_jitter_is_not_that_of_coming_to_rest_or_of_moving_on(run):
+    start_s, end_s = step_s("stand still")
+    moving = ((run.times_s >= start_s) & (run.times_s < start_s + 1.9)) | ((run.times_s >= end_s - 0.4) & (run.times_s < end_s))
+    joints_m = run.joints_m.copy()
+    joints_m[moving] += np.float32([0.5, 0, 0])
+    found = figures([replace(run, joints_m=joints_m, truth_m=None)])
+    assert found["jitter_core_mm"] == pytest.approx(0, abs=1e-3) and found["jitter_ends_mm"] == pytest.approx(0, abs=1e-3)

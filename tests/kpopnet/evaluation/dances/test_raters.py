@@ -134,3 +134,11 @@ def test_ranks_are_written_where_two_raters_agree():
     assert "divided on" in agreed_order(Votes(names, ("eve", "fay"), np.array([right, -right])))[1]
     circle = np.array([[0, 1, -1], [-1, 0, 1], [1, -1, 0]])
     assert "divided on" in agreed_order(Votes(names, ("eve", "fay"), np.array([circle, circle])))[1]
+
+
+def test_who_won_more_pairs_but_was_preferred_by_no_more_raters_is_divided():
+    names = ("ann", "bo", "cy")
+    one = np.array([[0, 1, 1], [-1, 0, 1], [-1, -1, 0]])
+    other = np.array([[0, -1, 1], [1, 0, -1], [-1, 1, 0]])
+    votes = Votes(names, ("eve", "fay"), np.array([one, other]))
+    assert votes.pooled[0] > votes.pooled[1] and "divided on ann and bo" in agreed_order(votes)[1]

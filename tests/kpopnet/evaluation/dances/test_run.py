@@ -22,7 +22,17 @@ from kpopnet.estimator import Estimate
 from kpopnet.evaluation.config import EvaluateConfig
 from kpopnet.evaluation.dances import pose_cache
 from kpopnet.evaluation.dances.pose_cache import PoseCache
-from kpopnet.evaluation.dances.report import evaluate_dances, paired_table, rank_table, remarks
+from kpopnet.evaluation.dances.ranking import similarities
+from kpopnet.evaluation.dances.report import (
+    agreement_table,
+    evaluate_dances,
+    learners_table,
+    mean_error_cm,
+    paired_table,
+    rank_table,
+    remarks,
+    table_2,
+)
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.registry import BestConfig, NetworkEstimatorConfig, RealtimeConfig
 from kpopnet.evaluation.report import write
@@ -288,3 +298,27 @@ def test_learners_are_compared_with_teachers_as_their_estimator_sees_them(folder
     path.write_bytes(b"no file")
     with pytest.raises(InputError, match=r"no dance could be scored|damaged"):
         run(folder, settings, see_teacher=see, count=1)
+
+
+def test_every_table_of_dances_holds_each_methods_own_figures(folder, fake):
+    found = run(folder, {"fake": FakeConfig(0.1)}, scorers=SCORERS_TOLD)
+    for dance, rank, name, scorer, source, *figures, error_cm in learners_table(found).rows:
+        one = found.scores[source, scorer][dance][rank - 1]
+        assert name == one.name and figures == [f"{v:.4f}" for v in (one.score.similarity, one.score.timing, one.score.posture)]
+        assert error_cm == ("" if one.error_m is None else f"{100 * one.error_m:.2f}")
+    errors_m = [one.error_m for learners in found.scores["fake", "dance22"].values() for one in learners]
+    assert mean_error_cm(found, "fake") == pytest.approx(100 * np.mean(errors_m)) and mean_error_cm(found, "truth") is None
+    table = table_2(found)
+    for name, *cells in table.rows:
+        for column, text in zip(table.header[1:], cells, strict=True):
+            scorer, source = column.split(", ")
+            assert text.removesuffix(" ✗") == "  ".join(f"{v:.1f}" for v in similarities(found.scores[source, scorer][name]))
+    for source, scorer, concordance, tau, *_ in agreement_table(found).rows:
+        one = found.agreements[source, scorer]
+        assert (concordance.value, tau.value) == (one.concordance, one.kendall_tau)
+        assert (concordance.interval, tau.interval) == (one.interval["concordance"], one.interval["kendall_tau"])
+
+
+def test_frames_per_second_are_frames_divided_by_seconds(folder, fake, monkeypatch):
+    monkeypatch.setattr(PoseCache, "poses", lambda self, dance, learner: (learner.joints(), 2.0))
+    assert run(folder, {"fake": FakeConfig()}).fps["fake"] == pytest.approx(len(TIMES_S) / 2)

@@ -227,3 +227,13 @@ def test_an_estimate_of_no_person_is_fifteen_wrong_joints(truth_m: np.ndarray) -
     estimates_m = np.concatenate([truth_m, truth_m[:, :1] + np.float32((0, 0, 2))], axis=1)
     estimates_m[:, 1, 3:5] += np.float32((0, 0, 0.2))
     assert (wrong_joints(matched(truth_m, estimates_m)) == 2 + 15).all()
+
+
+def test_who_is_out_of_view_is_not_hidden(truth_m):
+    seen_px, leaving = np.full((FRAMES, 2), 100), truth_m.copy()
+    seen_px[3:6, 0] = 49
+    leaving[4:, 1] += np.float32((5, 0, 0))
+    estimates_m = leaving.copy()
+    estimates_m[4:, 1] = np.nan
+    one = figures([matched(leaving, estimates_m, seen_px)], 0)
+    assert (one["hidden"], one["hidden_map_10cm"], one["hidden_mean_error_cm"]) == (3, 1, 0)

@@ -5,7 +5,7 @@ import pytest
 from cone_people import cone_joints, filmed
 
 from kpopnet.camera import CAMERAS
-from kpopnet.evaluation.poses.label_free import label_free, pooled
+from kpopnet.evaluation.poses.label_free import _jitter_mm2, label_free, pooled
 from kpopnet.skeleton import Joint
 
 CAMERA, FPS = CAMERAS["kinect_v1"], 30.0
@@ -53,3 +53,8 @@ def test_a_pose_away_from_the_points_is_far_from_their_surface(depth_m):
     away_m = TRUE_M.copy()
     away_m[:, [Joint.LEFT_ELBOW, Joint.LEFT_HAND], 1] += 0.4
     assert figures(away_m, depth_m)["surface_cm"] > figures(TRUE_M, depth_m)["surface_cm"] + 0.3
+
+
+def test_jitter_is_unbiased():
+    noise_m = 0.004 * np.random.default_rng(0).standard_normal((1200, 15, 3))
+    assert np.sqrt(np.nanmean(_jitter_mm2(noise_m, 12))) == pytest.approx(4 * np.sqrt(3), rel=0.03)

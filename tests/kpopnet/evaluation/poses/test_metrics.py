@@ -268,3 +268,23 @@ def test_what_are_no_results_is_refused(mistaken, message):
 def test_errors_may_be_a_list():
     assert fraction_within([0.05, 0.2, NAN], 0.1) == 0.5 and mean_error_m([0.1, 0.3, INF]) == pytest.approx(0.2)
     assert area_under_curve([0.1, INF]) == pytest.approx(0.25)
+
+
+def test_every_headline_figure_is_its_own_definition():
+    rng = np.random.default_rng(0)
+    off_m, visible = rng.gamma(1.0, 0.08, (40, 15)), rng.random((40, 15)) < 0.6
+    off_m[~visible] += 0.1
+    truth_m = np.zeros((40, 15, 3))
+    estimate_m = truth_m + off_m[..., None] * (1.0, 0, 0)
+    estimate_m[3, 5] = np.nan  # one joint, not the whole image
+    found_m, seen = np.delete(off_m.ravel(), 3 * 15 + 5), visible.copy()
+    seen[3, 5] = False
+    found = evaluate(pose_results(truth_m, estimate_m, visible=visible))
+    assert found["median_error_cm"] == pytest.approx(100 * np.median(found_m))
+    assert found["average_pose_error_cm"] == pytest.approx(100 * off_m[seen].mean())
+    assert found["pose_error_deviation_cm"] == pytest.approx(100 * off_m[seen].std())
+    assert found["pck_area_20cm"] == pytest.approx(np.maximum(0, 1 - found_m / 0.2).sum() / off_m.size)
+    assert found["pck"] == pytest.approx({f"{cm}cm": (found_m < cm / 100).sum() / off_m.size for cm in (5, 10, 15, 20)})
+    rest_m = abs(off_m - (off_m * seen).sum(axis=0) / seen.sum(axis=0))
+    assert found["average_pose_error_no_offset_cm"] == pytest.approx(100 * rest_m[seen].mean())
+    assert found["missing"]["images_without_estimate"] == 0

@@ -174,3 +174,29 @@ test("one stall of the machine is over with it", () => {
     assert.ok(longest_ms < 2100 && ratio === 1 && share > 0.2, `${at} ${longest_ms} ${ratio} ${share}`);
   }
 });
+
+// Where the second bone's head, and a point a metre along x of it, are in the world of the movements.
+function shown(turn, hips_m, t_pose = [EYE, EYE]) {
+  const body = {
+    names: ["Hips", "Spine"], parents: [-1, 0], heads_m: [[0, 0, 1], [0, 0.2, 1.5]], t_pose,
+    vertices: new Float32Array([0, 0, 1, 0, 0, 1.5, 0.1, 0, 1.5]), faces: new Uint16Array([0, 1, 2]),
+    bones: new Uint16Array(12), weights: new Float32Array([1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0]),
+  };
+  const dancer = new Dancer(body, "teacher");
+  dancer.movement = movementOf({ fps: 1, hips_m: packed(new Float32Array(hips_m)), quats: packed(new Int16Array([...turn, 32767, 0, 0, 0])) });
+  dancer.show(0);
+  dancer.mesh.updateMatrixWorld(true);
+  const at = (place) => dancer.mesh.worldToLocal(dancer.bones[1].localToWorld(new Vector3(...place))).toArray().map((v) => Number(v.toFixed(3)) + 0);
+  return [at([0, 0, 0]), at([1, 0, 0])];
+}
+
+test("a quarter turn about each axis, and a place, are those of the movement", () => {
+  assert.deepEqual(shown([32767, 0, 0, 0], [0.3, 0.7, 1]), [[0.3, 0.9, 1.5], [1.3, 0.9, 1.5]]);
+  assert.deepEqual(shown([HALF, 0, 0, HALF], [0, 0, 1]), [[-0.2, 0, 1.5], [-0.2, 1, 1.5]]); // about z: x goes to y
+  assert.deepEqual(shown([HALF, 0, HALF, 0], [0, 0, 1]), [[0.5, 0.2, 1], [0.5, 0.2, 0]]); // about y: z goes to x
+});
+
+test("a bone begins where the T-pose of its parent has it", () => {
+  const quarter = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]; // about z
+  assert.deepEqual(shown([32767, 0, 0, 0], [0, 0, 1], [quarter, EYE])[0], [-0.2, 0, 1.5]);
+});
