@@ -19,8 +19,8 @@ def test_a_learner_is_estimated_once_with_and_without_what_was_seen_before(tmp_p
     network = Estimate(np.full((15, 3), 2.0), np.full(15, 0.5))
     answers = iter([[], [PersonPose(1, np.ones((15, 3)), np.ones(15), network)], *[[]] * 9])
     seeing = SimpleNamespace(reset=lambda: None, update=lambda *_: next(answers))
-    made = lessons.learner(tmp_path / "one.npz", 101, 2, seeing)
-    kept = lessons.learner(tmp_path / "one.npz", 101, 2, None)
+    made = lessons.learner(tmp_path / "one.npz", 101, 2, "benchmark", seeing)
+    kept = lessons.learner(tmp_path / "one.npz", 101, 2, "benchmark", None)
     for one in (made, kept):
         assert one.kind == "arm_15" and len(one.true) == 5 and np.isfinite(one.true.joints_m).all()
         for name, metres, confidence in (("realtime", 1.0, 1.0), ("network", 2.0, 0.5)):
