@@ -45,17 +45,18 @@ def _depth_of(frame: Any) -> np.ndarray:
 
 def read_bag(path: Path) -> Recording:
     """A recording of a RealSense camera: its depth, times and intrinsics."""
-    with _playing(path) as (_, profile):
-        depth = profile.get_stream(library(str(path)).stream.depth).as_video_stream_profile()
+    found = library(str(path))
+    with parsing(str(path), "not a RealSense recording with depth, or damaged"):
+        # It is not played for that: at times the library crashes where a recording is stopped as soon as it plays.
+        sensors = found.context().load_device(str(path)).query_sensors()
+        depth = next(profile for sensor in sensors for profile in _depth_profiles(sensor))
         camera, fps = _camera_of(depth, str(path)), float(depth.fps())
     return Recording(lambda: _images(path), camera.width, camera.height, None, fps, camera)
 
 
 def _images(path: Path) -> Iterator[StoredImage]:
     stopped = library(str(path)).playback_status.stopped
-    with _playing(path) as (pipeline, profile):
-        playback = profile.get_device().as_playback()
-        playback.set_real_time(False)
+    with _playing(path) as (pipeline, playback):
         first_ms, number, waited_ms = None, 0, 0
         while waited_ms < PATIENCE_MS:
             found, frames = pipeline.try_wait_for_frames(WAIT_MS)
@@ -70,15 +71,17 @@ def _images(path: Path) -> Iterator[StoredImage]:
 
 @contextlib.contextmanager
 def _playing(path: Path) -> Iterator[tuple[Any, Any]]:
-    """The library's pipeline that plays a recording once, as fast as it is read, and its profile."""
+    """The library's pipeline that plays a recording once, as fast as it is read, and what plays it."""
     found = library(str(path))
     pipeline, config = found.pipeline(), found.config()
     with parsing(str(path), "not a RealSense recording with depth, or damaged"):
         config.enable_device_from_file(str(path), repeat_playback=False)
         config.enable_stream(found.stream.depth)
-        profile = pipeline.start(config)
+        playback = config.resolve(found.pipeline_wrapper(pipeline)).get_device().as_playback()
+        playback.set_real_time(False)  # before it starts: else images that nobody waits for yet are lost
+        pipeline.start(config)
         try:
-            yield pipeline, profile
+            yield pipeline, playback
         finally:
             pipeline.stop()
 
