@@ -11,7 +11,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera, depth_in_metres, measured
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
-from kpopnet.runtime.input_files import first_line, parsing
+from kpopnet.runtime.input_files import expect, first_line, parsing
 from kpopnet.runtime.provenance import optional_library
 from kpopnet.sources.source import SEARCH_EVERY_S, SILENCE_S, CameraAwayError, Recording, StoredImage
 
@@ -49,7 +49,9 @@ def read_bag(path: Path) -> Recording:
     with parsing(str(path), "not a RealSense recording with depth, or damaged"):
         # It is not played for that: at times the library crashes where a recording is stopped as soon as it plays.
         sensors = found.context().load_device(str(path)).query_sensors()
-        depth = next(profile for sensor in sensors for profile in _depth_profiles(sensor))
+        profiles = [profile for sensor in sensors for profile in _depth_profiles(sensor)]
+        expect(bool(profiles), str(path), "a stream of depth")
+        depth = profiles[0]
         camera, fps = _camera_of(depth, str(path)), float(depth.fps())
     return Recording(lambda: _images(path), camera.width, camera.height, None, fps, camera)
 
@@ -78,7 +80,7 @@ def _playing(path: Path) -> Iterator[tuple[Any, Any]]:
         config.enable_device_from_file(str(path), repeat_playback=False)
         config.enable_stream(found.stream.depth)
         playback = config.resolve(found.pipeline_wrapper(pipeline)).get_device().as_playback()
-        playback.set_real_time(False)  # before it starts: else images that nobody waits for yet are lost
+        playback.set_real_time(False)  # before it starts: else images are lost that are not asked for yet
         pipeline.start(config)
         try:
             yield pipeline, playback

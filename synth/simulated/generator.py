@@ -118,7 +118,7 @@ class SetGenerator(ABC):
 
     @property
     def version(self) -> int:
-        """That of the generator, for this configuration."""
+        """The version of the generator that makes this configuration's set."""
         return self.generator
 
     @property

@@ -1,7 +1,7 @@
 """Films of `rooms` before they are measured: people of a cast put before a camera, in a room with furniture and clutter.
 
-What does not fit is drawn again: people penetrate neither furniture nor each other, are before the camera and inside the walls,
-and are not all hidden. Those who hug are as far apart whatever their size, so that a part of most is inside the other.
+What does not fit is drawn again: people are before the camera and inside the walls, are not all hidden, and penetrate neither
+furniture nor each other, but for those who hug: their distance is the same whatever their size.
 """
 
 from collections.abc import Callable, Iterator

@@ -120,7 +120,7 @@ class SequenceGenerator(SetGenerator):
         """
 
     def first_person(self, index: int) -> int:
-        """The number of the first person of sequence `index`; the others follow. Who found no place has no number in files."""
+        """The number of the first person of sequence `index`; the others follow. Files number those who are shown."""
         return index * self.most_people
 
     def sequence(self, index: int, on_frame: Callable[[], None]) -> StoredSequence:

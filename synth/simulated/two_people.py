@@ -2,8 +2,8 @@
 
 24 sequences of 260 to 320 frames at 30 fps, four of each kind of scene: they cross, one passes behind the other and back, they
 hug, one leaves the image, one enters it, they dance side by side (`synth.motion.choreography.pairs`). No person is in
-two sequences, or in a training set. Those who hug are as far apart whatever their size, so that a part of most is inside the
-other. It imitates no published set.
+two sequences, or in a training set. People do not penetrate each other, but for those who hug: their distance is the same
+whatever their size. It imitates no published set.
 """
 
 from collections.abc import Iterator

@@ -45,6 +45,13 @@ def test_a_recording_tells_camera_times_and_unit(tmp_path):
         open_depth(tmp_path / "b.bag")
 
 
+def test_a_recording_without_depth_is_refused(tmp_path, monkeypatch):
+    path = write_bag(tmp_path / "a.db3", IMAGES[:2])
+    monkeypatch.setattr(realsense, "_depth_profiles", lambda _: [])
+    with pytest.raises(InputError, match=r"a\.db3: expected a stream of depth"):
+        open_depth(path)
+
+
 def test_a_camera_gives_what_its_recording_gives(plugged, tmp_path):
     camera, recorded = opened(plugged), open_depth(write_bag(tmp_path / "a.db3", IMAGES))
     for number, expected in enumerate(recorded):
