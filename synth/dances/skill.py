@@ -110,8 +110,8 @@ def learn(teacher: Motion, strengths: Strengths, rng: np.random.Generator) -> tu
     """A learner's motion, made from a teacher's of the same length, and the mistakes in it.
 
     Each joint has a gain, within GAIN_RANGE: it is turned from standing by so many times the teacher's angle. With a gain above
-    1, or by the noise, it may exceed the joint's limits. The height of the learner above the floor equals the teacher's. The feet
-    may slide.
+    1, or by the noise, it may exceed the joint's limits. The height of the learner above the floor equals the teacher's. The
+    feet may slide.
     """
     seconds = np.arange(len(teacher)) / teacher.fps
     length_s = seconds[-1]
