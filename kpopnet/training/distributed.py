@@ -38,8 +38,8 @@ class Processes:
             return network
         if self.device.type == "cuda":
             network = nn.SyncBatchNorm.convert_sync_batchnorm(network)
-            return DistributedDataParallel(network, device_ids=[self.device.index], broadcast_buffers=False)
-        return DistributedDataParallel(network, broadcast_buffers=False)
+            return DistributedDataParallel(network, device_ids=[self.device.index])
+        return DistributedDataParallel(network)
 
     def describe(self, threads: int, bfloat16: bool) -> str:
         """Describes the devices and the precision, for the log."""
