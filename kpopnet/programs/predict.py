@@ -7,7 +7,7 @@
     kpopnet predict dance.bag --gif                                       # ROS or RealSense; needs the extra ros or realsense
     kpopnet predict 71de12f9/ --rotate 90                                 # Stray Scanner on an iPhone held upright
 
-Every person in view is found in every single image; the camera may move.
+People are looked for in every single image, in any pose; the camera may move.
 The folder then holds
 
     joints.npz, joints.json ...   the main person's joints, times and confidence; joints_2.npz ... of others (--people)
