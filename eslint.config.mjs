@@ -1,6 +1,6 @@
 // Of the dance teacher's page: `npx eslint` (npm install eslint); `make lint` runs it where it is installed.
 const BROWSER = [
-  "AbortController", "addEventListener", "alert", "atob", "AudioContext", "clearInterval", "clearTimeout",
+  "AbortController", "AbortSignal", "addEventListener", "alert", "atob", "AudioContext", "clearInterval", "clearTimeout",
   "createImageBitmap", "devicePixelRatio", "document", "Event", "EventTarget", "fetch", "getComputedStyle", "history",
   "HTMLCanvasElement", "importScripts", "IntersectionObserver", "localStorage", "location", "matchMedia", "navigator",
   "OfflineAudioContext", "OffscreenCanvas", "performance", "queueMicrotask", "ReadableStream", "requestAnimationFrame",

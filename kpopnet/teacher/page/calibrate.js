@@ -62,7 +62,7 @@ export async function calibrate(main) {
   }
 
   function preparing({ text }) {
-    told.textContent = say(text);
+    if (state.running) told.textContent = say(text); // as in `done`
   }
 
   function ready() {
@@ -80,6 +80,8 @@ export async function calibrate(main) {
   }
 
   function away({ text }) {
+    if (!state.running) return; // as in `done`
+    state.start = 0; // nothing is counted without ticks
     sound.stop();
     guide.textContent = say(text);
   }
@@ -99,7 +101,7 @@ export async function calibrate(main) {
     sound.stop();
     live.send({ do: "stop" });
     start.textContent = say("Start");
-    told.textContent = beat.textContent = "";
+    told.textContent = beat.textContent = guide.textContent = "";
     failed.textContent = message;
   }
 

@@ -59,7 +59,7 @@ export async function profilePage(main) {
 
   function choose(who) {
     remember("who", who);
-    location.hash = "#/";
+    if (form.isConnected) location.hash = "#/"; // or who has gone on by now would be taken back
   }
 
   async function add(event) {
@@ -101,10 +101,11 @@ function curve(dance) {
       ...totals.map((total, k) => part("line", { class: "dot", x1: x(k), x2: x(k), y1: y(total), y2: y(total) })))];
 }
 
-// Deleting asks once more.
+// Deleting asks once more; a double click, or a key that is held, is no second word.
 function deletion(found, told) {
   let sure = false;
-  const button = el("button", { type: "button", id: "delete", onclick: async () => {
+  const button = el("button", { type: "button", id: "delete", onkeydown: (event) => event.repeat && event.preventDefault(), onclick: async (event) => {
+    if (event?.detail > 1) return;
     if (!sure) {
       sure = true;
       button.textContent = say("Delete {name} and all tries for good?", found);
@@ -113,7 +114,7 @@ function deletion(found, told) {
     try {
       await ask(`/api/profiles/${found.who}`, { method: "DELETE" });
       remember("who", "");
-      location.hash = "#/";
+      if (button.isConnected) location.hash = "#/";
     } catch (error) {
       told.textContent = error.message;
     }

@@ -49,7 +49,7 @@ export async function record(main) {
     withoutDepth(source), song.panel, failed, told, el("div", { class: "panel seen calibrating" }, canvas, count, guide), editor, el("p", {}, el("a", { href: "#/" }, say("To the dances"))));
   main.dataset.busy = ""; // nothing here is chosen by hand, and a dance would be lost
   const learner = new LearnerView(canvas), fail = ({ text }) => state.running && stop(say(text));
-  const live = liveFor({ preparing: ({ text }) => { told.textContent = say(text); }, frame, joints, away: fail, error: fail,
+  const live = liveFor({ preparing: ({ text }) => { if (state.running) told.textContent = say(text); }, frame, joints, away: fail, error: fail,
     lost: () => fail({ text: "the teacher's program does not answer; is it still running?" }) });
   const onKey = (event) => {
     if (event.key !== " " || event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -160,6 +160,7 @@ export async function record(main) {
     excerpt.textContent = say(long ? "{start} to {end}, {seconds} s" : "{start} to {end}, {seconds} s: at least {least} s, please",
       { start: clock(from_s), end: clock(to_s), seconds: Math.max(to_s - from_s, 0).toFixed(1), least: LEAST_S });
     editor.querySelector("#save").disabled = !long || state.saving;
+    start.disabled = state.saving; // another recording would take the place of this one
   }
 
   async function save(event) {
@@ -169,10 +170,10 @@ export async function record(main) {
     cut();
     failed.textContent = "";
     told.textContent = say("adding {name} …", { name: name.value.trim() });
-    const query = new URLSearchParams({ title: name.value.trim() || say("My dance"), bpm: 60 / state.beat_s });
+    const query = new URLSearchParams({ title: name.value.trim() || say("My dance"), bpm: 60 / state.beat_s }), [from_s, to_s] = bounds();
     try {
-      const { identity } = await ask(`/api/recordings?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, ...bounds())) });
-      if (state.song) keepBegin(identity, state.song, bounds()[0]);
+      const { identity } = await ask(`/api/recordings?${query}`, { method: "POST", body: JSON.stringify(cutOut(state.frames, from_s, to_s)) });
+      if (state.song) keepBegin(identity, state.song, from_s);
       if (state.closed) return;
       editor.hidden = true; // nothing is unsaved
       location.hash = `#/dance/${identity}`;

@@ -7,7 +7,7 @@ const EVERY_MS = 100, OFF_S = 0.015, CATCH_UP_S = 0.5, MOST = 0.25;
 
 export class Sound {
   constructor() {
-    this.context = this.song = null;
+    this.context = this.song = this.timer = null;
     this.sources = [];
   }
 
@@ -50,9 +50,9 @@ export class Sound {
     if (from_s >= audio.duration) return; // a browser would play it from its begin; the duration is NaN until it is known
     this.song = Object.assign(audio, { playbackRate: rate, preservesPitch: true, currentTime: from_s });
     const due_s = () => from_s + rate * (performance.now() - start) / 1000;
-    this.timer = setTimeout(async () => {
+    const begun = this.timer = setTimeout(async () => {
       await audio.play().catch(() => {}); // a page that was opened to begin at once may not make sound
-      if (this.song !== audio) return;
+      if (this.timer !== begun) return; // stopped, and perhaps played anew
       // Seeking would take as long again: a song that is behind plays a little faster until it is not.
       this.timer = setInterval(() => {
         const behind_s = due_s() - audio.currentTime;
@@ -81,6 +81,7 @@ export class Sound {
 
   stop() {
     clearTimeout(this.timer);
+    this.timer = null;
     for (const source of this.sources) source.stop();
     this.sources = [];
     if (this.song) Object.assign(this.song, { playbackRate: 1 }).pause(); // it may be heard by itself, while its beats are tapped

@@ -71,9 +71,9 @@ export function clamp(value, low, high) {
 // The key of an event. Of a letter the small one, with Caps Lock too, and where the layout has another script the one that stands
 // there on a keyboard of Latin letters; none where letters are switched off.
 export function keyOf({ key, code = "" }) {
-  if (key.length === 1 && key !== " " && !remembered("letters", true)) return "";
-  if (/^Key[A-Z]$/.test(code) && !/^[a-z]$/i.test(key)) return code[3].toLowerCase();
-  return key.length === 1 ? key.toLowerCase() : key;
+  const found = /^Key[A-Z]$/.test(code) && !/^[a-z]$/i.test(key) ? code[3] : key; // an input method says "Process" for every key
+  if (found.length !== 1) return found;
+  return found === " " || remembered("letters", true) ? found.toLowerCase() : "";
 }
 
 // Switches shortcuts of one letter off: who speaks to the machine, or presses keys by accident, would start them with every word.

@@ -15,7 +15,7 @@ function chosen() {
   const known = (one) => one in LANGUAGES, asked = new URLSearchParams(globalThis.location?.search).get("lang");
   if (known(asked)) remember("language", asked);
   const wished = [globalThis.document?.documentElement.dataset.language, asked, remembered("language", null), ...(globalThis.navigator?.languages || [])];
-  return wished.map((one) => String(one).slice(0, 2)).find(known) || "en";
+  return wished.map((one) => String(one).split("-")[0]).find(known) || "en";
 }
 
 // A text by its English words, with what fills its gaps such as {name}; or, whole, as the server sends it (`keyed` of

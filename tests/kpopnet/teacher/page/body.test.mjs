@@ -129,6 +129,13 @@ test("without WebGL a figure's bones and joints are drawn in their colours, but 
   assert.ok(drawn.every(({ opacity }) => opacity === 0.4));
 });
 
+test("a bone is as pale as the less sure of its joints, and the head is the largest joint", () => {
+  const figure = new Figure(() => "#112233"), sure = Array(JOINTS).fill(1).with(6, 0.3); // the right hand is not
+  figure.place(Array.from({ length: JOINTS }, (_, joint) => [joint / 20, 1, 0]), sure);
+  assert.deepEqual(figure.bones.filter(({ material }) => material.opacity === 0.3).length, 1);
+  assert.ok(figure.joints.every(({ scale }, joint) => joint === 0 || scale.x < figure.joints[0].scale.x / 2));
+});
+
 // Draws for ten seconds on a screen of 60 images a second by a machine that takes took_ms(ratio, drawing) for a drawing: the share
 // of the screen's images that were drawn, the pixels for each of the page's in the end, and the longest wait for a drawing.
 function drawnBy(took_ms, density = 1) {

@@ -24,7 +24,8 @@ class Node {
   }
 
   addEventListener(kind, listener) {
-    this.listeners[kind] = listener;
+    const before = this.listeners[kind];
+    this.listeners[kind] = before ? (event) => { before(event); return listener(event); } : listener;
   }
 
   // By "#identity" alone.

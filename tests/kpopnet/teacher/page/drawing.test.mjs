@@ -82,6 +82,64 @@ test("the lane has a card for each move of the excerpt but for those in free par
   mock.restoreAll();
 });
 
+test("each limb has the colour of its own part, and a finer screen a finer picture", () => {
+  const [canvas, pen] = canvasOf(400, 300), picture = Object.assign(document.createElement("canvas"), { width: 400, height: 300 });
+  const joints = JOINTS.map((_, k) => [0.05 * k, 0.5, 2, 1]), ends = { "right arm": [4, 6], "left arm": [5, 7], "right leg": [11, 13], "left leg": [12, 14] };
+  for (const [part, limb] of Object.entries(ends)) {
+    pen.lines.length = 0;
+    new LearnerView(canvas).show(picture, { joints, parts: { [part]: 100 } }, false);
+    const bright = pen.lines.filter(({ ink }) => ink === "rgb(255 255 235)").map(({ to: [x] }) => Math.round(x / 20));
+    assert.deepEqual(bright, limb, part);
+  }
+  globalThis.devicePixelRatio = 2;
+  new LearnerView(canvas).show(picture, { joints: null }, false);
+  assert.deepEqual([canvas.width, canvas.height], [800, 600]);
+  globalThis.devicePixelRatio = 1;
+});
+
+test("people beside each other are told apart by outline and head; one colour is the whole skeleton's; an unseen head is not drawn", () => {
+  const [canvas, pen] = canvasOf(400, 300), picture = Object.assign(document.createElement("canvas"), { width: 400, height: 300 }), heads = [];
+  pen.fill = () => heads.push(pen.fillStyle);
+  const drawn = (frame) => {
+    [pen.lines.length, heads.length] = [0, 0];
+    new LearnerView(canvas).show(picture, frame, false);
+    return [[...new Set(pen.lines.map(({ ink }) => ink))], [...heads]];
+  };
+  const parts = { torso: 100 }, beside = ["red", "blue"].map((outline) => ({ joints: JOINTS, parts, outline }));
+  const [inks, seen] = drawn({ people: [beside[0], { joints: null }, beside[1]] });
+  assert.deepEqual([["red", "blue"].every((ink) => inks.includes(ink)), seen], [true, ["red", "blue"]]);
+  assert.deepEqual(drawn({ joints: JOINTS, colour: "white" }), [["#0009", "white"], ["white"]]);
+  assert.deepEqual(drawn({ joints: JOINTS.with(0, [null, null, null, 0]), parts })[1], []);
+});
+
+test("the lane marks each beat and the begin of each phrase, what is now, and a free part as far as the excerpt has it", () => {
+  const [canvas, pen] = canvasOf(1000, 100), marks = {}, names = [];
+  pen.fillRect = (x, _, wide) => (marks[pen.fillStyle] ||= []).push([x, wide]);
+  pen.fillText = (text, x) => names.push([text, x]);
+  new Lane(canvas, [], 0.5, [[1, 9]]).draw(0, 0, 5, true);
+  assert.deepEqual(marks["--quiet"].map(([x, wide]) => x + wide - 2), [120, 792]); // eight beats apart
+  assert.deepEqual(marks["--line"].map(([x]) => x + 1), [1, 2, 3, 4, 5, 6, 7, 9, 10].map((beat) => 120 + 84 * beat));
+  assert.deepEqual([marks["--bar"], names, marks["--accent"].map(([x, wide]) => x + wide / 2)], [[[288, 672]], [["free", 624]], [120]]);
+});
+
+test("the lane's figures turn with the mirror, and it is drawn anew with that and with the theme", () => {
+  let now_ms = 0, ink = "dark";
+  mock.method(performance, "now", () => now_ms);
+  mock.method(globalThis, "getComputedStyle", () => ({ getPropertyValue: () => ink }));
+  const points_cm = Array(30).fill(0), [canvas, pen] = canvasOf(1000, 100), lane = new Lane(canvas, [{ at_s: 2, points_cm }], 0.5, []);
+  points_cm[12] = 30; // the right hand
+  const hand = (mirrored) => {
+    pen.lines.length = 0;
+    lane.draw(1, 0, 4, mirrored);
+    now_ms += 100;
+    return pen.lines.length ? [Math.sign(pen.lines[5].to[0] - 288), pen.lines[5].ink] : null;
+  };
+  assert.deepEqual([hand(true), hand(false), hand(false)], [[-1, "dark"], [1, "dark"], null]);
+  ink = "light";
+  assert.deepEqual(hand(false), [1, "light"]);
+  mock.restoreAll();
+});
+
 test("a small figure stands upright, in a mirror with its right hand on the other side", () => {
   for (const [mirrored, hand_x] of [[false, 115], [true, 85]]) {
     const [, pen] = canvasOf(), points = Array(30).fill(0);

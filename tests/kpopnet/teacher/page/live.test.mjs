@@ -99,6 +99,26 @@ test("a text is followed after the image that came before it", () => {
   assert.deepEqual(said[2][1], { kind: "away", text: "plug it in" });
 });
 
+test("a page that came encrypted connects so; a new connection has a clock of its own, and an image of a lesson that was left is not drawn", () => {
+  location.protocol = "https:";
+  const live = listen(), now_ms = Date.now();
+  live.send({ do: "prepare" });
+  assert.equal(Socket.made[0].address, "wss://127.0.0.1:1/live");
+  Object.assign(location, { protocol: "http:" });
+  Socket.made[0].happen("open");
+  live.receive(frameOf({ taken_ms: 0, sent_ms: now_ms + 9000000, heard_ms: null })); // a server whose clock is hours ahead
+  live.leave();
+  live.on = new Proxy({}, { get: (_, kind) => (...content) => said.push([kind, ...content]) });
+  live.draw();
+  assert.deepEqual(said, []);
+  Socket.made[0].happen("close");
+  live.send({ do: "prepare" });
+  Socket.made[1].happen("open");
+  live.receive(frameOf({ taken_ms: now_ms - 40, sent_ms: now_ms, heard_ms: null }));
+  live.draw();
+  assert.ok(said.at(-1)[1] >= 39 && said.at(-1)[1] < 1000, `${said.at(-1)}`);
+});
+
 test("the clocks are compared by the quickest messages", () => {
   const clock = new ServerClock(), ahead_ms = 1234;
   assert.equal(clock.since(60, 100), 40);

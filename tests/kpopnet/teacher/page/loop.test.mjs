@@ -14,6 +14,14 @@ test("better scores earn more, and who is not seen ends a streak", () => {
   assert.deepEqual([80, 75, 74, 99, null].reduce((all, one) => [...all, streakAfter(all.at(-1), one)], [0]), [0, 1, 2, 0, 1, 0]);
 });
 
+test("stars and praise change at their bounds, and the plan of a week is of four weeks, with tries of tomorrow's clock", () => {
+  assert.deepEqual([49, 50, 64, 65, 79, 80, 89, 90].map((total) => starsOf(total).indexOf("☆")), [1, 2, 2, 3, 3, 4, 4, -1]);
+  assert.deepEqual([89, 74, 54, 29].map(praise), ["great", "good", "keep going", "watch the teacher"]);
+  const tries = (day) => [{ session: `${day}-120000-000`, phrases: [{ start_s: 0, total: 5 }] }];
+  const tried = (day) => weekPlan([{ identity: "a", name: "a", phrase_s: 4, seconds: 9, tries: tries(day) }], new Date(2026, 2, 29)).length;
+  assert.deepEqual(["20260228", "20260301", "20260330", "20260331"].map(tried), [0, 1, 1, 0]);
+});
+
 // What is seen for that long, in images 100 ms apart, from a time on; whether it was enough at the end, and before.
 function seen(place, what, from_ms, lasts_ms) {
   const found = [];

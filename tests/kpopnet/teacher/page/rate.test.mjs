@@ -92,3 +92,22 @@ test("an answer is what its key and its button say, is given once, and again if 
   press("ArrowLeft");
   assert.deepEqual(sent, []);
 });
+
+test("where less motion is wished a pair waits to be played; the slider chooses a moment and stops; keys of the browser are no answers", async () => {
+  let left = 0;
+  document.activeElement = { blur() { left++; } };
+  globalThis.matchMedia = () => ({ matches: true });
+  press("Backspace");
+  assert.equal(sent.pop().choice, "");
+  done -= 2;
+  await answered({});
+  passes(400);
+  assert.deepEqual([left, views[0].time_s, get("play").textContent], [1, 3, "Play"]); // or space would press the button again
+  press(" ");
+  assert.deepEqual([get("scrub").min, get("scrub").max], [3, 4]);
+  Object.assign(get("scrub"), { value: "3.5" }).listeners.input();
+  passes(400);
+  assert.deepEqual([views[0].time_s, get("play").textContent], [3.5, "Play"]);
+  for (const held of ["ctrlKey", "metaKey", "altKey"]) press("ArrowLeft", { [held]: true });
+  assert.deepEqual(sent, []);
+});

@@ -70,7 +70,7 @@ const PAGE = "../../../../kpopnet/teacher/page/";
 const { cutOut, record } = await import(`${PAGE}record.js`);
 const { recordable, watch } = await import(`${PAGE}hands.js`), { remember } = await import(`${PAGE}tools.js`);
 const { songTempo } = await import(`${PAGE}song.js`);
-const { Webcam } = await import(`${PAGE}webcam.js`);
+const { Webcam } = await import(`${PAGE}webcam.js`), { Sound } = await import(`${PAGE}sound.js`);
 const part = (id) => view.querySelector(`#${id}`);
 
 beforeEach(async () => {
@@ -255,6 +255,14 @@ test("a webcam's pictures are asked about like a camera's images, and one that e
   assert.ok(frames.length > 10 && frames.at(-1).time_s >= 8);
 });
 
+test("how old a webcam's picture is is told with its points", async () => {
+  await dance(2, "webcam");
+  video(now_ms, { captureTime: now_ms - 40 });
+  await settled();
+  const { points, age_ms } = socket.sent.findLast((one) => one.do === "see");
+  assert.deepEqual([points.length, age_ms], [33, 40]);
+});
+
 test("a picture of before the computer slept is not told, and the next one is", async () => {
   const ages_ms = [], webcam = new Webcam((points, age_ms) => ages_ms.push(age_ms), assert.fail);
   for (const age_ms of [70000, 20]) {
@@ -318,6 +326,27 @@ test("the space bar records and stops, but does not discard a dance that waits t
   assert.deepEqual([location.hash, globalThis.onbeforeunload, listeners], ["", null, {}]);
 });
 
+test("of a song it is kept where the lesson that was saved begins, wherever the cut is moved meanwhile, and no other is recorded then", async () => {
+  globalThis.OfflineAudioContext = class { decodeAudioData = async () => null; };
+  localStorage.setItem("teach.song.mine.mp3", JSON.stringify({ bpm: 120, one_s: 1 }));
+  drop("mine.mp3");
+  await settled();
+  await dance(14);
+  part("start").listeners.click();
+  let answer;
+  globalThis.fetch = () => new Promise((take) => { answer = take; });
+  part("from").value = "4";
+  const saving = save();
+  part("from").value = "8";
+  part("from").listeners.input();
+  socket.say({ kind: "preparing", text: "opening the camera" }); // of the recording that was stopped
+  assert.deepEqual([part("start").disabled, part("told").textContent], [true, "adding  …"]);
+  answer(Response.json({ identity: "moved" }));
+  await saving;
+  assert.deepEqual(JSON.parse(localStorage.getItem("teach.begins.moved")), { name: "mine.mp3", from_s: 2 });
+  globalThis.OfflineAudioContext = class { decodeAudioData = () => new Promise(() => {}); };
+});
+
 test("a lesson is saved once, and again if that failed", async () => {
   await dance(12);
   part("start").listeners.click();
@@ -337,6 +366,82 @@ test("a lesson is saved once, and again if that failed", async () => {
   asked[1][1](Response.json({ identity: "ours" }));
   await again;
   assert.equal(location.hash, "#/dance/ours");
+});
+
+test("the camera is remembered; without one it is told that there is none", async () => {
+  remember("source", "webcam");
+  await dance(1);
+  assert.equal(localStorage.getItem("teach.source"), '"realsense"');
+  assert.ok("busy" in view.dataset); // nothing is chosen by hand meanwhile
+  leave();
+  assert.equal(socket.sent.at(-1).do, "stop");
+  globalThis.fetch = async (path) => Response.json(path === "/api/offer" ? { sources: { simulated: "" } } : [{ identity: "d", seconds: 60 }]);
+  await assert.rejects(record(createElement("main")), /no camera/);
+});
+
+test("a lesson of less than five seconds is not made: why is told, of a recording and of a cut", async () => {
+  await dance(7);
+  part("start").listeners.click();
+  assert.deepEqual([part("error").textContent, part("editor").hidden], ["a lesson lasts at least 5 s; you were seen up to second 3.7", true]);
+  await dance(12);
+  part("start").listeners.click();
+  for (const [from, told, refused] of [["7", "0:04 to 0:09, 5.0 s", false], ["8", "0:04 to 0:09, 4.5 s: at least 5 s, please", true]]) {
+    part("from").value = from;
+    part("from").listeners.input();
+    assert.deepEqual([part("excerpt").textContent, part("save").disabled], [told, refused]);
+  }
+});
+
+test("the space bar of a control, or one that is held, records nothing; where to stand is told while one records", async () => {
+  const guide = () => allOf(view).find(({ className }) => className === "guide").textContent, press = (more) =>
+    listeners.keydown({ key: " ", target: { closest: () => null }, preventDefault() {}, ...more });
+  for (const more of [{ repeat: true }, { ctrlKey: true }, { target: { closest: (kinds) => kinds.includes("select") } }]) press(more);
+  assert.equal(part("start").textContent, "Record");
+  await dance(5);
+  assert.equal(guide(), "step back");
+  press({});
+  assert.deepEqual([part("start").textContent, guide()], ["Record", ""]);
+});
+
+test("four counts lead in to the music that is chosen, a metronome for a song without beats, for as long as one may record", async () => {
+  const heard = [], closed = [];
+  mock.method(Sound.prototype, "play", (how) => heard.push(how));
+  mock.method(Sound.prototype, "close", () => closed.push("closed"));
+  localStorage.setItem("teach.begins.mine", "null");
+  drop("new.mp3"); // whose beats are being looked for
+  part("bpm").value = "120";
+  for (const music of ["house", "song"]) {
+    part("music").value = music;
+    part("music").listeners.change();
+    assert.equal(part("song-panel").hidden, music !== "song");
+    await dance(12);
+    part("start").listeners.click();
+  }
+  const played = { from_s: 0, to_s: 300, beat_s: 0.5, speed: 1, counts: 4, in_s: 2.3 };
+  assert.deepEqual(heard, [{ ...played, music: "house" }, { ...played, music: "tick" }]);
+  part("music").value = "none";
+  await dance(12);
+  part("start").listeners.click();
+  await saved();
+  assert.equal(localStorage.getItem("teach.begins.mine"), "null"); // no song was heard
+  leave();
+  assert.deepEqual(closed, ["closed"]);
+  Sound.prototype.play.mock.restore();
+  Sound.prototype.close.mock.restore();
+});
+
+test("what was recorded is shown upright, and as in a mirror", async () => {
+  await dance(12);
+  now_ms = 13000;
+  socket.say({ kind: "joints", taken_ms: now_ms, joints: Array.from({ length: 15 }, (_, joint) => [joint ? 0 : 0.2, joint ? 0 : -0.5, 2, 1]) });
+  part("start").listeners.click();
+  const heads = [], pen = new Proxy({}, { get: (_, name) => (name === "arc" ? (x, y) => heads.push([x, y]) : () => {}) });
+  Object.assign(part("preview"), { getContext: () => pen });
+  document.activeElement = part("to");
+  still = true;
+  animate(0);
+  [still, document.activeElement] = [false, null];
+  assert.ok(heads[0][0] < 160 && heads[0][1] < 120, `${heads[0]}`);
 });
 
 test("joints are drawn over the picture in which they were found, not over the newest", async () => {

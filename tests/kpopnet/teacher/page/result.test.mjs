@@ -25,10 +25,11 @@ beforeEach(() => {
   localStorage.setItem("teach.latency.realsense", "null");
 });
 
-async function opened(more = {}) {
+async function opened(more = {}, history = []) {
   globalThis.fetch = async (path, how) => {
     asked = how;
-    return Response.json(path.endsWith("/movement") ? "the learner's" : path.startsWith("/api/tries") ? { ...FOUND, ...more } : path.startsWith("/api/dances") ? GROUP : []);
+    return Response.json(path.endsWith("/movement") ? "the learner's" : path.startsWith("/api/tries") ? { ...FOUND, ...more } : path.startsWith("/api/dances") ? GROUP
+      : path === "/api/history/own_001?who=p_1" ? history : []);
   };
   main = document.createElement("main");
   leave = await result(main, "own_001", "20260303-101010-000");
@@ -115,4 +116,79 @@ test("the table of one's tries says what its columns are", async () => {
   await opened();
   const columns = allOf(get("history")).filter((one) => one.tag === "th").map(({ textContent }) => textContent);
   assert.deepEqual(columns, ["danced on", "score", "excerpt", "speed", "camera"]);
+});
+
+const texts = (found) => allOf(main).filter(found).map(({ textContent }) => textContent);
+
+test("a result tells how sure it is, of what excerpt it is, what was the matter, and of figures that are not known that they are not", async () => {
+  await opened({ uncertainty: 3.4, timing: null, hints: ["your feet were hidden"], total: 71.6, faults: ["left arm late"],
+    parts: { "left arm": 80 }, coverage: { "left arm": 0.5 }, stage: { place: 80.4 }, free: { place: 69.6 },
+    members: [{ total: 60 }], formation: { why_not: "the group has no formation" } });
+  assert.deepEqual(texts(({ tag }) => ["h1", "small"].includes(tag)), ["Duet: 72 ± 3 of 100", " 0:04 – 0:18"]);
+  assert.deepEqual(["total", "timing", "speed"].map((id) => get(`result-${id}`).children[0].textContent), ["72", "–", "50"]);
+  assert.ok(texts(({ className }) => className === "error").includes("your feet were hidden"));
+  assert.ok(texts(({ tag }) => tag === "span").includes("80, seen 50 %"));
+  const kept = ["on-stage", "in-free-parts", "formation"].map((id) => get(id).textContent.match(/\w+ \d+|the group .*/)[0]);
+  assert.deepEqual([kept, texts(({ tag }) => tag === "li").includes("left arm late")], [["place 80", "place 70", "the group has no formation"], true]);
+  leave();
+});
+
+test("a click on the course replays what is there, a mark goes with it, and the slider stops it", async () => {
+  await opened();
+  draw(now_ms);
+  const view = views.at(-1), course = get("course"), mark = () => Math.round(course.children.find((one) => one.class === "now").x1);
+  course.getBoundingClientRect = () => ({ left: 100, width: 200 });
+  course.listeners.click({ clientX: 200 }); // the second 11, of 4 to 18
+  passes(1);
+  assert.ok(Math.abs(view.time_s - 10.6) < 0.05 && mark() === Math.round(1000 * (view.time_s - 4) / 14), `${view.time_s} ${mark()}`);
+  Object.assign(get("scrub"), { value: "6" }).listeners.input();
+  passes(1);
+  assert.deepEqual([view.time_s, get("play").textContent], [6, "Play"]);
+  leave();
+});
+
+test("of each phrase it is said what to mend, what was not seen, or why nothing is said", async () => {
+  const moved = [{ text: "left arm too low" }];
+  await opened({ phrases: [phrase(4, 92), phrase(8, 89), phrase(12, null), { ...phrase(16, 50), unseen: ["legs not seen"], moments: moved }] });
+  const told = allOf(main).filter(({ tag }) => tag === "tr").slice(1).map(({ children: [, score, words] }) => [score.textContent, words?.children[0]?.textContent]);
+  assert.deepEqual(told.slice(0, 4), [["92", "no fault stands out"], ["89", "differences throughout, of which none stands out"], ["–", "not compared"], ["50", "legs not seen; left arm too low"]]);
+  leave();
+});
+
+test("the table of tries has each one's day, score, excerpt, speed and camera, and this one among them", async () => {
+  const tries = [{ session: "20260303-101010-000", total: 71.4, from_s: 4, to_s: 18, speed: 0.5, source: "webcam" },
+    { session: "20260301-090000-000", total: null, from_s: 0, to_s: 0, speed: 1, source: "simulated", skill: "good" }];
+  await opened({ who: "p_1" }, tries);
+  const cells = allOf(get("history")).filter(({ tag }) => tag === "td"), link = cells[5].children[0];
+  assert.deepEqual(cells.map(({ textContent }) => textContent), ["this one", "71", "0:04 – 0:18", "50 %", "webcam", "", "–", "0:00 – 0:18", "100 %", "simulated, good"]);
+  assert.deepEqual([link.textContent, link.href], ["1 Mar 2026, 09:00", "#/dance/own_001/try/20260301-090000-000"]);
+  leave();
+});
+
+test("a film is told of while it is made, with no word for each percent to a screen reader, saved in the end, and can be cancelled", async () => {
+  await opened();
+  let film;
+  const saved = [], settled = () => new Promise((go) => { setTimeout(go, 5); }), told = () => [get("film-told").textContent.trim(), get("film-told").ariaLive, get("film").textContent];
+  const tell = (fraction) => film.enqueue(new TextEncoder().encode(`{"fraction": ${fraction}}\n`));
+  mock.method(HTMLCanvasElement.prototype, "click", function click() { saved.push(this.href); }); // of every node
+  globalThis.fetch = async (_, { signal }) => new Response(new ReadableStream({ start(stream) {
+    film = stream;
+    signal.addEventListener("abort", () => stream.error(new Error("aborted")));
+  } }));
+  const [asked] = told().slice(-1);
+  get("film").listeners.click();
+  await settled();
+  tell(0.25);
+  await settled();
+  assert.deepEqual(told(), ["making the film: 25 %", "off", "cancel the film"]);
+  tell(1);
+  film.close();
+  await settled();
+  assert.deepEqual([told(), saved], [["the film is saved", "polite", asked], ["/api/tries/own_001/20260303-101010-000.mp4"]]);
+  for (let press = 0; press < 2; press++) {
+    get("film").listeners.click();
+    await settled();
+  }
+  assert.deepEqual([told(), saved.length], [["the film was cancelled", "polite", asked], 1]);
+  leave();
 });

@@ -87,6 +87,23 @@ test("a song plays as fast as the dance, from where it meets the dance's first b
   assert.equal(audio.playbackRate, 1);
 });
 
+test("a song that is stopped and played anew before the browser has begun it is corrected by the new one alone", async (t) => {
+  t.mock.timers.enable({ apis: ["setTimeout", "setInterval"] });
+  const sound = new Sound(), begun = [], audio = { pause() {}, play: () => new Promise((go) => { begun.push(go); }) };
+  const play = () => sound.play({ in_s: 1, from_s: 0, to_s: 9, beat_s: 0.5, speed: 1, counts: 0, music: { audio, at_s: 1, rate: 1 } });
+  sound.wake();
+  for (let k = 0; k < 2; k++) {
+    play();
+    t.mock.timers.tick(0);
+  }
+  for (const go of begun) go();
+  for (let k = 0; k < 5; k++) await null;
+  sound.stop();
+  Object.assign(audio, { playbackRate: 1, currentTime: -5 });
+  t.mock.timers.tick(1000);
+  assert.equal(audio.playbackRate, 1);
+});
+
 test("a song that has ended where the dance begins is not heard from its begin", async (t) => {
   t.mock.timers.enable({ apis: ["setTimeout", "setInterval"] });
   const sound = new Sound(), heard = [];
@@ -105,6 +122,19 @@ test("a loop is as fast as the dance, begins where the excerpt does, and ends wi
   sound.wake();
   sound.play({ in_s: 2.3, from_s: 3, to_s: 7, beat_s: 0.5, speed: 0.5, counts: 4, music: "house" });
   assert.deepEqual(sound.context.loops, [["start", 8, 12.3, 6], ["stop", 8, 20.3]]);
+});
+
+test("ticks and loops are heard, the first count louder, and a slowed song keeps its pitch", (t) => {
+  t.mock.timers.enable({ apis: ["setTimeout"] });
+  const sound = new Sound(), audio = { pause() {} }, loud = [], gain = { setValueAtTime: (value) => loud.push(value), exponentialRampToValueAtTime() {} };
+  sound.wake();
+  sound.context.createGain = () => ({ gain, connect: (next) => next });
+  const play = (music) => sound.play({ in_s: 2.3, from_s: 0, to_s: 2, beat_s: 0.5, speed: 0.5, counts: 2, music });
+  play("house");
+  assert.ok(loud[0] > loud[1] && loud[1] > 0 && gain.value > 0 && gain.value < 1, `${loud} ${gain.value}`);
+  play({ audio, at_s: 1, rate: 0.5 });
+  assert.equal(audio.preservesPitch, true);
+  sound.stop();
 });
 
 test("a view that is left stops its sound for good", () => {

@@ -367,6 +367,80 @@ test("the latency is kept for the camera that was measured, until it is forgotte
   leave();
 });
 
+// The step that measures the latency, and its elements by their id or class.
+async function calibrating() {
+  const main = document.createElement("main"), leave = await calibrate(main);
+  return { main, leave, get: (name) => allOf(main).find((one) => [one.id, one.className].includes(name)) };
+}
+
+// Counts the tones of the page, and those that are cut off.
+function countedTones() {
+  const count = { begun: 0, cut: 0 }, { AudioContext } = globalThis;
+  const tone = () => Object.assign(Object.create(null), { frequency: {}, connect: () => anything, start() { count.begun++; }, stop(at) { count.cut += Number(at === undefined); } });
+  globalThis.AudioContext = function Counted() { return new Proxy({}, { get: (_, name) => (name === "createOscillator" ? tone : name === "close" ? () => closed++ : anything) }); };
+  return Object.assign(count, { end() { globalThis.AudioContext = AudioContext; } });
+}
+
+test("a measurement is of the camera that is chosen, to sixteen ticks, with words of what to do, and ends when it is left", async () => {
+  remember("source", "webcam");
+  const tones = countedTones(), { main, get, leave } = await calibrating(), turned = [];
+  assert.ok("busy" in main.dataset); // nothing is chosen by hand meanwhile
+  get("source").value = "realsense";
+  get("start").click();
+  told({ kind: "preparing", text: "opening the camera" });
+  assert.equal(get("told").textContent, "opening the camera");
+  assert.deepEqual(sent[0].lesson, { dance: "own_001", source: "realsense", to_s: 12, calibrate: true });
+  assert.equal(localStorage.getItem("teach.source"), '"realsense"');
+  told({ kind: "ready" });
+  assert.deepEqual([get("told").textContent, tones.begun], ["an arm up at each tick", 4 + 12]);
+  get("learner").getContext = () => new Proxy({}, { get: (_, name) => (name === "transform" ? (x) => turned.push(x) : anything) });
+  pointing({ guidance: "step back" });
+  assert.deepEqual([get("guide").textContent, turned], ["step back", [-1]]); // as in a mirror
+  leave();
+  const drawn = draw;
+  draw = null;
+  drawn(0);
+  assert.deepEqual([closed, sent.at(-1).do, draw], [1, "stop", null]);
+  tones.end();
+});
+
+test("a camera that is away or fails, and a program that has ended, end a measurement and its ticks, and are told until the next", async () => {
+  const tones = countedTones(), { get, leave } = await calibrating();
+  for (const [what, fail] of [
+    [/was away/, () => {
+      told({ kind: "away", text: "plug it in" });
+      assert.deepEqual([get("guide").textContent, tones.cut], ["plug it in", 16]);
+      told({ kind: "back", from_s: null });
+    }],
+    [/camera broke/, () => told({ kind: "error", text: "the camera broke" })],
+    [/does not answer/, () => heard.close()],
+  ]) {
+    get("start").click();
+    assert.equal(get("error").textContent, "");
+    told({ kind: "ready" });
+    fail();
+    assert.match(get("error").textContent, what);
+    assert.deepEqual([get("start").textContent, get("source").disabled], ["Start", false]);
+  }
+  leave();
+  tones.end();
+});
+
+test("what was measured is told, and what is taken off is that of the camera that is chosen", async () => {
+  const { get, leave } = await calibrating();
+  get("start").click();
+  told({ kind: "ready" });
+  told({ kind: "done", latency_s: 0.12, hints: [] });
+  assert.match(get("told").textContent, /measured 120 ms after the tick/);
+  for (const [source, text] of [["webcam", /^Nothing is taken off/], ["realsense", /^120 ms are taken off for a RealSense camera/]]) {
+    get("source").value = source;
+    get("source").listeners.change();
+    assert.match(get("kept").textContent, text);
+  }
+  leave();
+  remember("latency.realsense", null);
+});
+
 // An image of a learner whose right hand is raised, and what else it tells.
 function pointing(more = {}) {
   const joints = Array.from({ length: 15 }, () => [0.5, 0.5, 2, 1]), hip = [0.5, 0.6, 2, 1];
@@ -420,6 +494,22 @@ test("learners beside each other are waited for, and have their own colour and s
   assert.notEqual(rows[0][0], rows[1][0]);
   leave();
   remember("people", 1);
+});
+
+test("what was said of a measurement goes with it, nothing is counted while the camera is away, and what was on its way is not told", async () => {
+  const at = clocked(), main = document.createElement("main"), leave = await calibrate(main), get = (name) => allOf(main).find((one) => [one.id, one.className].includes(name));
+  const said = () => ["guide", "told", "count"].map((name) => get(name).textContent);
+  get("start").click();
+  told({ kind: "ready" });
+  pointing({ guidance: "step back" });
+  told({ kind: "away", text: "plug it in" });
+  at(5000);
+  assert.deepEqual(said(), ["plug it in", "an arm up at each tick", ""]);
+  told({ kind: "back", from_s: null });
+  assert.deepEqual(said(), ["", "", ""]);
+  for (const kind of ["preparing", "away"]) told({ kind, text: "opening the camera" });
+  assert.deepEqual(said(), ["", "", ""]);
+  leave();
 });
 
 // The overlay and its hint, for who points and holds.
@@ -538,6 +628,66 @@ test("a cursor follows the hand without its trembling, and the field that it sta
   assert.equal(hint.hidden, false);
   follow(null, true, now_ms); // no person is seen
   assert.equal(hint.hidden, true);
+  letChoose([]);
+  remember("hands", false);
+});
+
+test("the switch of pointing and holding is remembered, and what is shown is shown anew with it", () => {
+  let changed = 0;
+  const [box] = handsSwitch(() => { changed++; }).children, kept = () => handsSwitch(() => {}).children[0].checked;
+  assert.deepEqual([box.checked, kept()], [false, false]);
+  for (const on of [true, false]) {
+    Object.assign(box, { checked: on }).listeners.change();
+    assert.equal(kept(), on);
+  }
+  assert.equal(changed, 2);
+});
+
+test("the field under the hand is marked, and the cursor fills up while it is held", () => {
+  const [{ children: [fields, cursor] }] = byHand(), marked = {};
+  let filled;
+  cursor.style.setProperty = (_, value) => { filled = parseFloat(value) / 360; };
+  letChoose(["left", "right"].map((id) => ({ id, text: id, act() {} })));
+  fields.children.forEach((field, k) => Object.assign(field, {
+    getBoundingClientRect: () => ({ left: 200 * k, right: 200 * k + 199, top: 0, bottom: 800 }), classList: { toggle: (_, on) => { marked[field["data-target"]] = on; } },
+  }));
+  const joints = Array.from({ length: 15 }, () => [0.5, 0.9, 2, 1]);
+  const hold = (x, from_ms, to_ms) => {
+    Object.assign(joints, { 1: [0.5, 0.4, 2, 1], 6: [0.5 - 0.3 * (x - 0.5), 0.4, 2, 1], 9: [0.5, 0.6, 2, 1], 10: [0.5, 0.6, 2, 1] });
+    for (let now_ms = from_ms; now_ms <= to_ms; now_ms += 20) follow(joints, true, now_ms);
+  };
+  hold(0.2, 100000, 101000);
+  assert.deepEqual([marked, filled], [{ left: true, right: false }, 0]); // it appeared under the hand
+  hold(0.8, 101020, 101820);
+  assert.deepEqual(marked, { left: false, right: true });
+  assert.ok(filled > 0.4 && filled < 0.7, filled);
+  letChoose([]);
+  remember("hands", false);
+});
+
+test("in full screen a hand still has what it may choose", () => {
+  const both = byHand(), shown = document.createElement("div");
+  for (const [element, place] of [[shown, shown], [null, document.body]]) {
+    document.body.children = [];
+    document.fullscreenElement = element;
+    listeners.fullscreenchange();
+    assert.deepEqual(place.children, both);
+  }
+  remember("hands", false);
+});
+
+test("to watch for a hand no dance is scored, of a short one no more than there is, and who is seen is mirrored; it ends with the view", () => {
+  const [{ children: [, cursor] }] = byHand();
+  letChoose([{ id: "x", text: "x", act() {} }]);
+  for (const [seconds, to_s] of [[19, 5], [3, 3]]) {
+    const unwatch = watch({ ...dance, seconds }, "realsense");
+    assert.deepEqual(sent.at(-1).lesson, { dance: "own_001", source: "realsense", to_s, calibrate: true });
+    follow(null, true, performance.now()); // where it pointed before is nothing
+    pointing(); // the right hand, which is on the left of the picture
+    assert.ok(parseFloat(cursor.style.left) > 50, cursor.style.left);
+    unwatch();
+    assert.equal(sent.at(-1).do, "stop");
+  }
   letChoose([]);
   remember("hands", false);
 });

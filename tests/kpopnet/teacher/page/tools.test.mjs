@@ -31,6 +31,11 @@ test("a letter is itself with Caps Lock, on a Korean layout, and where layouts o
   assert.deepEqual(keys.map(([key, code]) => keyOf({ key, code })), ["p", "p", "p", "p", "p", " ", "ArrowLeft", "p"]);
 });
 
+test("where letters are no shortcuts an input method's keys are none either", () => {
+  remember("letters", false);
+  assert.deepEqual([["p", "KeyP"], ["ㅔ", "KeyP"], ["Process", "KeyP"], [" ", "Space"], ["ArrowLeft", "ArrowLeft"]].map(([key, code]) => keyOf({ key, code })), ["", "", "", " ", "ArrowLeft"]);
+});
+
 test("what is right is brighter, and in the other palette bluer", () => {
   const channels = (value) => shade(value).match(/\d+/g).map(Number);
   assert.ok(channels(90)[0] > channels(40)[0] && channels(40)[0] > channels(0)[0]);
@@ -91,6 +96,17 @@ test("work on the server is followed line by line to its end", async () => {
   const seen = [];
   await followed("/work", null, (fraction) => seen.push(fraction));
   assert.deepEqual(seen, [0, 0.5, 1]);
+});
+
+test("a letter of several bytes that is cut in two is read whole, and a refusal without words has its status", async () => {
+  const bytes = new TextEncoder().encode('{"error": "춤"}\n');
+  globalThis.fetch = async () => new Response(new ReadableStream({ start(stream) {
+    for (const part of [bytes.slice(0, 12), bytes.slice(12)]) stream.enqueue(part);
+    stream.close();
+  } }));
+  await assert.rejects(followed("/work", null, () => {}), { message: "춤" });
+  globalThis.fetch = async () => new Response("", { status: 502, statusText: "Bad Gateway" });
+  await assert.rejects(ask("/api/dances"), { message: "Bad Gateway" });
 });
 
 test("work that goes wrong, is refused or is broken off is told", async () => {

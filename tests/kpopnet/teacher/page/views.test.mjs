@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { allOf } from "./dom.mjs";
 
 const PAGE = "../../../../kpopnet/teacher/page/";
-const { controls, taught } = await import(`${PAGE}panels.js`);
+const { controls, panels, taught } = await import(`${PAGE}panels.js`);
 const { after, handsSwitch, letChoose } = await import(`${PAGE}hands.js`);
 const { againAddress, asDanced, phraseAt } = await import(`${PAGE}practice.js`);
 const { LOOPS, loopOf } = await import(`${PAGE}loops.js`);
@@ -30,6 +30,41 @@ test("a link that asks for a speed has it", () => {
   remember("speed", 75);
   assert.deepEqual(["speed=50", ""].map((query) => Number(wanting({ phrase_s: 4, seconds: 8 }, query).speed.value)), [50, 75]);
   remember("speed", 100);
+});
+
+test("a dance is offered as a link asks for it, and otherwise as it was danced last", () => {
+  const offer = { sources: { simulated: "", realsense: "", webcam: "" }, skills: ["good", "bad"], faults: ["", "late"] };
+  const chosen = (query) => {
+    const parts = controls({ others: [{}], phrase_s: 4, seconds: 19 }, offer, new URLSearchParams(query));
+    return Object.fromEntries(Object.entries(parts).map(([name, { value, checked, type }]) => [name, type === "checkbox" ? checked : String(value)]));
+  };
+  const { skill, fault, dancer, seed, practise, loop } = chosen("skill=bad&fault=late&dancer=1&seed=7&practise=90&loop");
+  assert.deepEqual([skill, fault, dancer, seed, practise, loop], ["bad", "late", "1", "7", "90", true]);
+  for (const [name, value] of [["music", "house"], ["people", 2], ["source", "realsense"]]) remember(name, value);
+  const { music, people, source, ...rest } = chosen("");
+  assert.deepEqual([music, people, source, rest.skill, rest.fault, rest.dancer, rest.seed, rest.practise, rest.loop], ["house", "2", "realsense", "good", "", "0", "0", "", false]);
+  for (const [name, value] of [["music", "tick"], ["people", 1], ["source", "simulated"]]) remember(name, value);
+});
+
+test("the page of a dance tells how hard it is, what latency is taken off for the camera, and asks for learners and dancers where there are several", () => {
+  remember("latency.realsense", 0.12);
+  const offer = { sources: { realsense: "", webcam: "", simulated: "" }, skills: ["good"], faults: [""] };
+  const built = (others) => {
+    const dance = { name: "Duet", others, phrase_s: 4, seconds: 19, difficulty: 4, bpm: 120 }, main = document.createElement("main"), parts = controls(dance, offer, new URLSearchParams());
+    parts.source.value = "realsense";
+    panels(main, dance, parts, document.createElement("div"));
+    return { main, parts, get: (id) => allOf(main).find((one) => one.id === id) };
+  };
+  const { main, parts, get } = built([]), label = (built_) => allOf(built_.main).find(({ tag, children }) => tag === "label" && children.includes(built_.parts.dancer));
+  assert.deepEqual([label({ main, parts }).hidden, label(built([{}])).hidden], [true, false]);
+  assert.ok(allOf(main).some((one) => one["aria-label"] === "difficulty 4 of 5"));
+  assert.equal(parts.phrase.children[2].textContent, "phrase 2, 0:04");
+  for (const [source, told, alone] of [["realsense", /^120 ms of latency/, false], ["webcam", /not measured/, true], ["simulated", /not measured/, true]]) {
+    Object.assign(parts.source, { value: source }).listeners.change();
+    assert.match(get("latency").children[0], told);
+    assert.equal(parts.people.disabled, alone);
+  }
+  remember("latency.realsense", null);
 });
 
 test("a part that was seen for some of the time says so", () => {
@@ -305,6 +340,28 @@ test("who comes back is told of the latest try, and who was deleted in another w
   assert.equal(localStorage.getItem("teach.who"), '""');
 });
 
+test("who comes back is told of a scored try that is not ahead of time, of a part by its excerpt, and what to practise", () => {
+  const day = (days) => `${new Date(Date.now() + days * 86400000).toISOString().slice(0, 10).replaceAll("-", "")}-120000-000`;
+  const tried = (days, total, more = {}) => ({ session: day(days), total, from_s: 0, to_s: 60, phrases: [], ...more });
+  const tries = [tried(400, 99), tried(-1, null), tried(-2, 50.4, { from_s: 4, to_s: 8, phrases: [{ start_s: 4, total: 50 }] }), tried(-3, 80)];
+  const [{ children: [welcome, , last, , practise] }] = greeting({ name: "Mina", dances: [{ identity: "d", name: "Duet", seconds: 60, phrase_s: 4, tries }] });
+  assert.deepEqual([welcome.textContent, last, practise.textContent], ["Welcome back, Mina!", "Last: Duet, 0:04 – 0:08, 50 of 100.", "Practise Duet, phrase 2 (50 of 100)"]);
+  assert.match(practise.href, /^#\/dance\/d\?phrase=1&practise=80&go/);
+});
+
+test("a profile without tries has nothing to practise; one that cannot be deleted stays, and why is told", async () => {
+  const main = document.createElement("main");
+  globalThis.fetch = async (path, { method } = {}) =>
+    Response.json(method ? { error: "the disk is full" } : path === "/api/profiles" ? { p_1: "Mina" } : { name: "Mina", dances: [] }, { status: method ? 500 : 200 });
+  localStorage.setItem("teach.who", '"p_1"');
+  await profilePage(main);
+  assert.ok(allOf(main).some(({ textContent }) => textContent.startsWith("Nothing yet")));
+  const get = (id) => allOf(main).find((found) => found.id === id);
+  for (let press = 0; press < 2; press++) await get("delete").listeners.click();
+  assert.deepEqual([get("error").textContent, localStorage.getItem("teach.who")], ["the disk is full", '"p_1"']);
+  localStorage.setItem("teach.who", '""');
+});
+
 test("a profile is deleted at the second press", async () => {
   const main = document.createElement("main"), asked = [];
   globalThis.location = { hash: "" };
@@ -321,9 +378,136 @@ test("a profile is deleted at the second press", async () => {
   assert.deepEqual([asked.at(-1), localStorage.getItem("teach.who")], ["DELETE /api/profiles/p_1", '""']);
 });
 
+test("a double click, or Enter that is held, does not delete a profile; who has left the page by the answer stays where they are", async () => {
+  const main = document.createElement("main"), asked = [], answers = [];
+  globalThis.location = { hash: "#/me" };
+  globalThis.fetch = (path, { method } = {}) => {
+    if (method) return new Promise((take) => { asked.push(method); answers.push(take); });
+    return Promise.resolve(Response.json(path === "/api/profiles" ? { p_1: "Mina" } : { name: "Mina", dances: [] }));
+  };
+  localStorage.setItem("teach.who", '"p_1"');
+  await profilePage(main);
+  const { listeners } = allOf(main).find(({ id }) => id === "delete");
+  let held = true;
+  listeners.keydown({ repeat: true, preventDefault() { held = false; } });
+  for (const detail of [1, 2, 3]) listeners.click({ detail });
+  assert.deepEqual([held, asked], [false, []]);
+  const under_way = [listeners.click({ detail: 1 }), allOf(main).find(({ tag }) => tag === "form").listeners.submit({ preventDefault() {} })];
+  for (const one of allOf(main)) one.isConnected = false;
+  location.hash = "#/dance/d";
+  for (const answer of answers) answer(Response.json({ who: "p_2" }));
+  await Promise.all(under_way);
+  assert.deepEqual([asked, location.hash], [["DELETE", "POST"], "#/dance/d"]);
+  localStorage.setItem("teach.who", '""');
+});
+
 test("one's own dances come first and damaged ones last", () => {
   const dances = [{ name: "x", broken: "damaged" }, { name: "a", difficulty: 3, own: false }, { name: "b", difficulty: 5, own: true }, { name: "c", difficulty: 1, own: false }];
   assert.deepEqual(["name", "difficulty"].map((order) => inOrder(dances, order).map(({ name }) => name).join("")), ["bacx", "bcax"]);
+});
+
+// The menu of these dances for a test, with their thumbnails in view, and its elements by their id; `added` answers a file.
+async function menuOf(t, dances, added = null, less = false) {
+  const main = document.createElement("main"), inView = [];
+  Object.assign(globalThis, {
+    location: { hash: "" }, matchMedia: () => ({ matches: less }), getComputedStyle: () => ({ color: "black" }),
+    IntersectionObserver: class {
+      constructor(tell) { this.tell = tell; }
+
+      observe(target) { inView.push((isIntersecting) => this.tell([{ target, isIntersecting }])); }
+
+      disconnect() {}
+    },
+    fetch: async (path, { method } = {}) => {
+      if (method) return added(new URLSearchParams(path.split("?")[1]));
+      const points = (x) => Array(30).fill(0).with(0, x); // the head to one side
+      return Response.json(path === "/api/offer" ? { sources: { simulated: "" } } : path.endsWith("/preview") ? [10, 20, 30].map(points) : dances);
+    },
+  });
+  const leave = await menu(main), get = (id) => allOf(main).find((one) => one.id === id);
+  t.after(leave); // ends its timer
+  return { main, leave, inView, get, shown: () => get("cards").children.map((card) => card["data-dance"]).join("") };
+}
+
+const one = (identity, more = {}) => ({ identity, name: identity, difficulty: 1, seconds: 60, bpm: 120, own: false, ...more });
+
+test("the menu is in the order that was chosen, by tempo or length too, also at the next visit", async (t) => {
+  const dances = [one("a", { bpm: 90, seconds: 30 }), one("b", { bpm: 80, seconds: 50 }), one("c", { bpm: 100, seconds: 40 })];
+  for (const [order, found] of [["length", "acb"], ["tempo", "bac"]]) {
+    const { get, shown } = await menuOf(t, dances);
+    get("order").value = order;
+    get("order").listeners.change();
+    assert.equal(shown(), found);
+    const next = await menuOf(t, dances);
+    assert.deepEqual([next.get("order").value, next.shown()], [order, found]);
+  }
+  remember("order", "name");
+});
+
+test("a search finds what has every word and says how many; a damaged dance says why, and leads nowhere", async (t) => {
+  const { main, get, shown } = await menuOf(t, [one("a", { name: "Blue moon", own: true }), one("b", { name: "Blue sun" }), { identity: "x", name: "Moon blue", broken: "cut short" }]);
+  get("search").value = "MOON blue";
+  get("search").listeners.input();
+  assert.deepEqual([shown(), allOf(main).find(({ role }) => role === "status").textContent], ["ax", "2 of 3 dances"]);
+  const [card, damaged] = get("cards").children;
+  assert.equal(card.children.at(-1).textContent, "1:00 · 120 bpm · yours");
+  assert.deepEqual([damaged.href, damaged.children.at(-1).textContent], [undefined, "damaged: cut short"]);
+});
+
+test("a file is added under its name without the ending, and a refusal is told", async (t) => {
+  const titles = [], { main } = await menuOf(t, [], (query) => {
+    titles.push([query.get("file"), query.get("title")]);
+    return Response.json({ error: "it is damaged" }, { status: 400 });
+  });
+  for (const name of ["my.own.bvh", ".bvh"]) Object.assign(allOf(main).find(({ type }) => type === "file"), { files: [{ name }] }).listeners.change();
+  await new Promise(globalThis.setImmediate);
+  assert.deepEqual(titles, [["my.own.bvh", "my.own"], [".bvh", "My dance"]]);
+  assert.equal(allOf(main).find(({ role }) => role === "status").textContent, "it is damaged");
+});
+
+test("a thumbnail in view moves as in a mirror, ten times a second, stands where less motion is wished, and is left alone out of view", async (t) => {
+  t.mock.timers.enable({ apis: ["setInterval"] });
+  for (const [less, seen] of [[false, [20, 30, 10]], [true, [10, 10, 10]]]) {
+    const heads = [], { get, inView, leave } = await menuOf(t, [one("a")], null, less), canvas = get("cards").children[0].children[0];
+    const pen = new Proxy({}, { get: (_, name) => (name === "arc" ? (x) => heads.push(Math.round((80 - x) / 0.52)) : () => {}) });
+    canvas.getContext = () => pen;
+    for (const told of inView) told(true);
+    await new Promise(globalThis.setImmediate);
+    t.mock.timers.tick(300);
+    assert.deepEqual(heads, seen);
+    for (const told of inView) told(false);
+    t.mock.timers.tick(300);
+    assert.equal(heads.length, 3);
+    leave();
+  }
+});
+
+test("a hand is offered whole dances alone, a search's from its first on, and watched for until the menu is left", async (t) => {
+  const asked = [], fields = () => document.body.children[0].children[0].children.map((field) => field["data-target"]).join("");
+  globalThis.WebSocket = class {
+    static OPEN = 1;
+
+    readyState = 1;
+
+    addEventListener() {}
+
+    send(text) { asked.push(JSON.parse(text)); }
+  };
+  globalThis.requestAnimationFrame = () => {};
+  Object.assign(document, { addEventListener() {} });
+  document.body.children = [];
+  handsSwitch(() => {});
+  remember("hands", true);
+  const { get, leave } = await menuOf(t, [{ identity: "x", name: "x", broken: "damaged" }, ...[..."abcdef"].map((name) => one(name))]);
+  document.body.children[0].children[0].children.at(-1).click(); // more
+  assert.equal(fields(), "efmore");
+  get("level").value = "1";
+  get("level").listeners.change();
+  assert.deepEqual([fields(), asked[0].lesson.dance], ["abcdmore", "a"]);
+  leave();
+  assert.equal(asked.at(-1).do, "stop");
+  letChoose([]);
+  remember("hands", false);
 });
 
 test("a hand is offered four dances at a time, round and round, and the menu that is left draws and opens nothing", async (t) => {

@@ -3,7 +3,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import "./dom.mjs";
 
-const { loadPose, pointsOf, Webcam } = await import("../../../../kpopnet/teacher/page/webcam.js");
+const { loadPose, pointsOf, Webcam, withoutDepth } = await import("../../../../kpopnet/teacher/page/webcam.js");
 
 const at = (x, y) => ({ poseLandmarks: [{ x, y, z: 0, visibility: 0.8 }], poseWorldLandmarks: [{ x: 0.123456, y: -1, z: 2 }] });
 
@@ -92,4 +92,32 @@ test("a webcam that is closed is let go of, also one that the user allows after 
     if (!early) webcam.close();
     assert.equal(stopped, 1, early);
   }
+});
+
+test("of a webcam no sound is asked for; what happens after it was closed is not told; a page that gets none says where it would", async () => {
+  const asked = [], track = { addEventListener(_, listener) { this.end = listener; }, stop() {} };
+  let refuse, told;
+  const mediaDevices = { getUserMedia: (wanted) => { asked.push(wanted.audio); return new Promise((_, fail) => { refuse = fail; }); } };
+  Object.defineProperty(globalThis, "navigator", { value: { mediaDevices }, configurable: true });
+  new Webcam(assert.fail, assert.fail).close();
+  refuse(new Error("odd"));
+  workers([() => ({ found: {} })]);
+  mediaDevices.getUserMedia = async () => ({ getTracks: () => [track] });
+  const closed = new Webcam(assert.fail, assert.fail);
+  closed.video.play = () => new Promise(() => {});
+  await new Promise(globalThis.setImmediate);
+  closed.close();
+  track.end();
+  assert.deepEqual(asked, [false]);
+  Object.defineProperty(globalThis, "navigator", { value: {}, configurable: true });
+  new Webcam(assert.fail, (text) => { told = text; });
+  await new Promise(globalThis.setImmediate);
+  assert.match(told, /127\.0\.0\.1/);
+});
+
+test("what depth would add is said where a webcam is chosen, and there alone", () => {
+  const source = Object.assign(document.createElement("select"), { value: "webcam" }), line = withoutDepth(source);
+  assert.equal(line.hidden, false);
+  Object.assign(source, { value: "realsense" }).listeners.change();
+  assert.equal(line.hidden, true);
 });

@@ -24,6 +24,19 @@ test("the address chooses the language also where the browser stores nothing", a
   assert.equal(chosen, "de");
 });
 
+test("a page speaks its own language, and otherwise the first of the browser's that it knows", async () => {
+  const { location, localStorage } = globalThis, { dataset } = document.documentElement;
+  Object.assign(globalThis, { location: { search: "" }, localStorage: null });
+  Object.defineProperty(globalThis, "navigator", { value: { languages: ["fr-FR", "ko-KR", "de"] }, configurable: true });
+  for (const [own, spoken] of [[undefined, "ko"], ["en", "en"]]) {
+    dataset.language = own;
+    const { language: chosen } = await import(`${PAGE}words.js?of-${own}`);
+    assert.deepEqual([chosen, document.documentElement.lang], [spoken, spoken]);
+  }
+  delete dataset.language;
+  Object.assign(globalThis, { location, localStorage });
+});
+
 test("a text is said by its English words, with what fills its gaps", () => {
   assert.equal(say("Begin now"), "Jetzt beginnen");
   assert.equal(say("{total} of 100", { total: 81 }), "81 von 100");
@@ -46,6 +59,15 @@ test("what the server sends is said whole, with decimal commas in numbers alone"
 
 test("a name that is written from right to left does not turn the numbers beside it", () => {
   assert.equal(say("Last: {name}, {total} of 100.", { name: "مرحبا 2", total: 97 }), "Zuletzt: \u2068مرحبا 2\u2069, 97 von 100.");
+});
+
+test("a language whose code only begins like a known one is another", async () => {
+  const { location, localStorage } = globalThis;
+  Object.assign(globalThis, { location: { search: "" }, localStorage: null });
+  Object.defineProperty(globalThis, "navigator", { value: { languages: ["kok-IN", "de-AT"] }, configurable: true });
+  const { language: chosen } = await import(`${PAGE}words.js?konkani`);
+  Object.assign(globalThis, { location, localStorage });
+  assert.equal(chosen, "de");
 });
 
 test("a date in Korean has no English in it", async () => {
