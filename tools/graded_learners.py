@@ -2,17 +2,18 @@
 
     python tools/graded_learners.py data/graded/best --dances 12 --mode best
     python tools/graded_learners.py data/graded/best_clips --dances 12 --mode best --clips PACK
-    python tools/graded_learners.py data/graded/fresh --dances 5 --rounds 1 --split validation --seed 7 --seconds 10
+    python tools/graded_learners.py data/graded/fresh --clips PACK --split test --people benchmark --seed 7
 
-Dances are those of `kpop_sim` of another seed, each learner is another person. A file holds the name of the motion, the
-teacher's joints, the learner's true ones, and what the image network and the fit to the depth say of every frame
-(`kpopnet.networks.over_time.Measured`), so that another estimate from these needs no new images. Finished files stay when it is
-run again; a folder takes those of one network, mode, seed, split and length. tools/measure_noise.py reads them. Run from the
-root of a checkout with `PYTHONPATH=.`.
+Dances are those of `kpop_sim` of another seed, each learner is another person, of whom no network has learnt. A file holds the
+name of the motion, the teacher's joints, the learner's true ones, and what the image network and the fit to the depth say of
+every frame (`kpopnet.networks.over_time.Measured`), so that another estimate from these needs no new images. Finished files
+stay when it is run again; a folder takes those of one network, mode, seed, split, people and length. tools/measure_noise.py
+reads them. Run from the root of a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,8 +29,10 @@ from kpopnet.runtime.atomic_write import write_npz
 from kpopnet.runtime.endings import user_errors
 from kpopnet.weights import SHA256
 from synth.body.asset import load_body
+from synth.body.shape import SPLIT_RANGES, Person, draw_person
 from synth.dances.faults import KEPT_AMPLITUDE, amplitude
-from synth.dances.simulate import FPS, KpopSim, KpopSimConfig, dance_name
+from synth.dances.seen import PEOPLE_OF
+from synth.dances.simulate import BODY, FPS, KpopSim, KpopSimConfig, dance_name
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.skeleton import INDEX, LEG_M, PARENTS, Motion, forward_kinematics
 from synth.motion.splice import as_high_as
@@ -99,12 +102,23 @@ def on_body(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     return body_rotations(load_body(), motion.quats, 0.0, np.zeros(2)), hips_m
 
 
-class Learners:
-    """Makes learner k of a dance from the seed, the split, the dance's number and k."""
+@dataclass(frozen=True)
+class DancedBy(KpopSim):
+    """`kpop_sim` whose teachers and learners are people of another split than its dances."""
 
-    def __init__(self, split: str, seed: int, clips: str | None, seconds: float, mode: str) -> None:
+    people_of: str = PEOPLE_OF
+
+    def _person(self, rng: np.random.Generator) -> Person:
+        return draw_person(rng, BODY, self.people_of)
+
+
+class Learners:
+    """Makes learner k of a dance from the seed, the split of dances, the dance's number and k."""
+
+    def __init__(self, split: str, people_of: str, seed: int, clips: str | None, seconds: float, mode: str) -> None:
         motion = MotionConfig(source="choreography") if clips is None else MotionConfig(source="clips", path=clips)
-        self.set = KpopSim(KpopSimConfig(seed=seed, split=split), motion, seconds=(seconds, seconds + 1.0))
+        lengths_s = seconds, seconds + 1.0
+        self.set = DancedBy(KpopSimConfig(seed=seed, split=split), motion, seconds=lengths_s, people_of=people_of)
         self.network, self.mode = NetworkEstimator(), mode
 
     def learner(self, dance: int, number: int, fault: str, size: int) -> dict[str, np.ndarray]:
@@ -134,14 +148,15 @@ def main() -> None:
     parser.add_argument("--dances", type=int, default=6, help="how many: %(default)s")
     parser.add_argument("--rounds", type=int, default=len(ROUNDS), help="of learners, see ROUNDS: %(default)s")
     parser.add_argument("--seconds", type=float, default=12.0, help="least length of a dance: %(default)s")
-    parser.add_argument("--split", choices=SPLITS, default="train", help="people and dances: %(default)s")
+    parser.add_argument("--split", choices=SPLITS, default="train", help="of dances: %(default)s")
+    parser.add_argument("--people", choices=SPLIT_RANGES, default=PEOPLE_OF, help="of which split they are: %(default)s")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--clips", help="a motion pack: recorded dances instead of composed ones")
     asked = "whom the network sees twice: everybody, or those whose confidence is low (%(default)s)"
     parser.add_argument("--mode", choices=("best", "realtime"), default="realtime", help=asked)
     given = parser.parse_args()
-    learners = Learners(given.split, given.seed, given.clips, given.seconds, given.mode)
-    made_with = {name: getattr(given, name) for name in ("seed", "split", "seconds", "clips", "mode")}
+    learners = Learners(given.split, given.people, given.seed, given.clips, given.seconds, given.mode)
+    made_with = {name: getattr(given, name) for name in ("seed", "split", "people", "seconds", "clips", "mode")}
     made_by = {"weights": SHA256["joints"][WEIGHTS], "passes": PASSES, "set": learners.set.hash}
     claim_folder(given.out, "*.npz", made_by | made_with)
     number = 0

@@ -180,9 +180,9 @@ own depth (docs/dance_scoring.md)."""
 
 
 def _digest(dancers: Sequence[TaughtDance]) -> str:
-    """Of the dancers' joints, and of the network that sees them and its number of passes, for everybody."""
+    """Of the dancers' joints, of the network that sees them and its number of passes, for everybody, and of who dances them."""
     joints = b"".join(one.joints_m.tobytes() for one in dancers)
-    return hashlib.sha256(f"{SEEN_AS} {SHA256['joints'][WEIGHTS]} {PASSES} everybody".encode() + joints).hexdigest()
+    return hashlib.sha256(f"{SEEN_AS} {SHA256['joints'][WEIGHTS]} {PASSES} everybody validation".encode() + joints).hexdigest()
 
 
 class Library:

@@ -5,6 +5,7 @@ import pytest
 from dance_people import dance_joints_m
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from programs import tool
 from scipy.spatial.transform import Rotation
 
 from kpopnet.estimator import Estimate
@@ -13,6 +14,7 @@ from kpopnet.teacher.library import TeacherBody
 from kpopnet.teacher.posing import posed
 from synth.body.teacher import teacher_arrays
 from synth.dances import seen
+from synth.dances.simulate import BODY
 
 JOINTS_M = dance_joints_m(3)[:90:3]
 TIMES_S = np.arange(len(JOINTS_M)) / seen.FPS
@@ -71,6 +73,20 @@ def test_the_teacher_is_off_as_the_estimator_is_of_others_and_what_is_missing_st
         u, v, z = camera.project(true_m[0, Joint.TORSO])
         assert depth_m.shape[1:] == (camera.height, camera.width)
         assert depth_m[0, round(v), round(u)] == pytest.approx(z, abs=0.35)
+
+
+def test_the_people_are_none_of_whom_a_network_has_learnt(monkeypatch):
+    monkeypatch.setattr(seen, "PEOPLE", 2)
+    splits, draw_person = [], seen.draw_person
+    monkeypatch.setattr(seen, "draw_person", lambda rng, config, split: splits.append(split) or draw_person(rng, config, split))
+    movement = posed(JOINTS_M[:2], TeacherBody(**teacher_arrays()))
+    seen.common_errors_m(JOINTS_M[:2], *movement, ShortArm(monkeypatch), TIMES_S[:2])
+    assert splits == ["validation"] * 2
+    learners = tool("graded_learners").Learners("train", seen.PEOPLE_OF, 0, None, 4.0, "realtime").set
+    drawn, expected = (
+        draw(np.random.default_rng(0)) for draw in (learners._person, lambda rng: draw_person(rng, BODY, "validation"))
+    )
+    np.testing.assert_array_equal(drawn.vertices_m, expected.vertices_m)
 
 
 def test_the_same_people_dance_every_time(monkeypatch):
