@@ -31,6 +31,7 @@ from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.weights import SHA256
 from synth.dances.live import LiveLearner
+from synth.dances.seen import PEOPLE_OF
 from synth.dances.taught import DANCES, Teacher, composed
 from tools.graded_learners import FAULTS, on_body
 from tools.measure_noise import against_truth, area, lesson_score
@@ -118,8 +119,8 @@ def main() -> None:
     parser.add_argument("--figures", type=Path, help="a JSON file for the figures, as those of results/")
     given = parser.parse_args()
     weights = {name: digest for files in SHA256.values() for name, digest in files.items()}
-    made_with = {"seconds": SECONDS, "stride": STRIDE, "passes": PASSES, "mode": "best", "people": given.people}
-    claim_folder(given.folder, "*.npz", made_with | weights)
+    made_with = {"seconds": SECONDS, "stride": STRIDE, "passes": PASSES, "mode": "best"}
+    claim_folder(given.folder, "*.npz", made_with | {"people": given.people, "seen": PEOPLE_OF} | weights)
     estimator, learners = PoseEstimator.load(mode="best"), []
     dances = range(DANCES + given.dances[0], DANCES + given.dances[1])
     with tqdm(total=len(dances) * len(KINDS), unit="learner") as bar:
