@@ -18,7 +18,7 @@ export async function calibrate(main) {
   source.addEventListener("change", showKept);
   const start = el("button", { class: "main", id: "start", type: "button", onclick: () => (state.running ? stop("") : begin()) }, say("Start"));
   const told = el("p", { id: "told", role: "status" }), failed = el("p", { class: "error", id: "error", role: "alert" });
-  const kept = el("p", { id: "kept" }), beat = el("div", { class: "count", "aria-hidden": "true" });
+  const kept = el("p", { id: "kept", role: "status" }), beat = el("div", { class: "count", "aria-hidden": "true" });
   const canvas = el("canvas", { id: "learner", role: "img", "aria-label": say("your picture with your skeleton") });
   const guide = el("div", { class: "guide", role: "status" });
   main.append(
@@ -48,7 +48,7 @@ export async function calibrate(main) {
     kept.textContent = latency_s === null ? say("Nothing is taken off yet.")
       : `${say("{time} are taken off for {source}.", { time: milliseconds(latency_s), source: say(offer.sources[source.value]) })} `;
     if (latency_s === null) return;
-    kept.append(el("button", { type: "button", id: "forget", onclick: () => { keepLatency(source.value, null); showKept(); } }, say("Take nothing off")));
+    kept.append(el("button", { type: "button", id: "forget", onclick: () => { keepLatency(source.value, null); showKept(); start.focus(); } }, say("Take nothing off")));
   }
 
   function begin() {

@@ -152,11 +152,20 @@ function rating(main, rater) {
 }
 
 // The rater's name or code stands in the address, so that a reload goes on.
-const main = document.getElementById("main"), named = decodeURIComponent(location.hash.slice(1));
+const main = document.getElementById("main"), named = nameIn(location.hash);
 addEventListener("hashchange", () => location.reload());
+
+function nameIn(hash) {
+  try {
+    return decodeURIComponent(hash.slice(1));
+  } catch {
+    return ""; // a name that an address could not have
+  }
+}
+
 if (named) rating(main, named);
 else {
-  const name = el("input", { id: "name", required: true, maxLength: 60, autocomplete: "off" });
+  const name = el("input", { id: "name", required: true, pattern: ".*\\S.*", maxLength: 60, autocomplete: "off" });
   main.append(el("h1", {}, "Who dances better?"),
     el("p", {}, "You will see pairs of learners beside their teacher, as skeletons. Say which of the two dances more like the teacher. ",
       "Your answers are kept one by one: give the same name or code again to go on later."),

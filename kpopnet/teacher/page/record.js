@@ -84,8 +84,10 @@ export async function record(main) {
 
   function heard() {
     song.panel.hidden = music.value !== "song";
-    tempo.disabled = music.value === "song" && songTempo() > 0;
-    if (tempo.disabled) tempo.value = songTempo().toFixed(1);
+    const known = music.value === "song" && songTempo() > 0;
+    if (known) tempo.value = songTempo().toFixed(1);
+    else if (tempo.disabled && music.value === "song") tempo.value = USUAL_BPM; // that of the song before is not this one's
+    tempo.disabled = known;
   }
 
   function beat_s() {

@@ -53,6 +53,10 @@ class Node {
     return new Proxy({}, { get: () => () => {} }); // nothing is drawn
   }
 
+  focus() {
+    document.activeElement = this;
+  }
+
   blur() {}
 
   scrollIntoView() {}

@@ -111,3 +111,11 @@ test("where less motion is wished a pair waits to be played; the slider chooses 
   for (const held of ["ctrlKey", "metaKey", "altKey"]) press("ArrowLeft", { [held]: true });
   assert.deepEqual(sent, []);
 });
+
+test("an address that holds no name asks for one, which is not of spaces alone", async () => {
+  main.replaceChildren();
+  location.hash = "#%";
+  await import("../../../../kpopnet/teacher/page/rate.js?anew");
+  const { pattern } = get("name");
+  assert.deepEqual(["  ", " eve "].map((name) => new RegExp(`^(?:${pattern})$`, "v").test(name)), [false, true]);
+});

@@ -364,6 +364,7 @@ test("the latency is kept for the camera that was measured, until it is forgotte
   assert.deepEqual([localStorage.getItem("teach.latency.realsense"), asked().at(-1)], ["0.12", "stop"]);
   get("forget").listeners.click();
   assert.deepEqual([get("kept").textContent, latencyOf("realsense")], ["Nothing is taken off yet.", null]);
+  assert.equal(document.activeElement, get("start")); // the button that was pressed is gone
   leave();
 });
 
