@@ -7,6 +7,7 @@ a confidence. Positions are relative to the trunk's centre, in the camera's axes
 Both forms come with the package, for the modes of `kpopnet.pose`; tools/over_time.py trains and measures them.
 """
 
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
@@ -191,17 +192,50 @@ def read(measured: Measured, times_s: np.ndarray, future: bool) -> tuple[np.ndar
 
     Before a time that is before the one before it, people start again.
     """
+    (before_s, after_s), shape = _steps(times_s), times_s.shape[1:]
+    if not future:
+        return _one_way(measured, before_s, Averages(shape))
+    return _both_ways(measured, before_s, after_s, Averages(shape), Averages(shape))
+
+
+PART = 2000
+"""Frames that `whole` reads at a time: those of two hours would take 7 GB."""
+
+
+def whole(network: OverTime, measured: Measured, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`network(*read(measured, times_s, future=True))` of a recording, which may be long: in parts."""
+    before_s, after_s = _steps(times_s)
+    parts = [slice(start, start + PART) for start in range(0, len(times_s), PART)]
+    later, after = Averages(times_s.shape[1:]), []  # the averages over what follows each part
+    for part in reversed(parts):
+        after.append(deepcopy(later))
+        if part.start:
+            for *frame, step_s in zip(*(one[part][::-1] for one in (*measured, after_s)), strict=True):
+                later.add(Measured(*frame), step_s)
+    earlier, found = Averages(times_s.shape[1:]), []
+    for part in parts:
+        one = Measured(*(array[part] for array in measured))
+        found.append(network(*_both_ways(one, before_s[part], after_s[part], earlier, after.pop())))
+    joints_m, confidence = zip(*found, strict=True)
+    return np.concatenate(joints_m), np.concatenate(confidence)
+
+
+def _steps(times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Seconds from the frame before each of (T, ...) times, and to the one after it; infinite where there is none."""
     gap_s, steps_s = np.full_like(times_s[:1], np.inf, float), np.diff(times_s, axis=0)
     steps_s = np.where(steps_s < 0, gap_s, np.where(steps_s == 0, FRAME_S, steps_s))
-    points_m, differences_m, seen = _one_way(measured, np.concatenate([gap_s, steps_s]))
-    if not future:
-        return points_m, differences_m, seen
-    reverse = Measured(*(one[::-1] for one in measured))
-    _, later_m, seen_later = _one_way(reverse, np.concatenate([gap_s, steps_s[::-1]]))
+    return np.concatenate([gap_s, steps_s]), np.concatenate([steps_s, gap_s])
+
+
+def _both_ways(
+    measured: Measured, before_s: np.ndarray, after_s: np.ndarray, earlier: Averages, later: Averages
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    points_m, differences_m, seen = _one_way(measured, before_s, earlier)
+    _, later_m, seen_later = _one_way(Measured(*(one[::-1] for one in measured)), after_s[::-1], later)
     return points_m, np.concatenate([differences_m, later_m[::-1]], axis=-3), np.concatenate([seen, seen_later[::-1]], axis=-1)
 
 
-def _one_way(measured: Measured, steps_s: np.ndarray) -> list[np.ndarray]:
-    averages = Averages(steps_s.shape[1:])
+def _one_way(measured: Measured, steps_s: np.ndarray, averages: Averages) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     found = [averages.add(Measured(*frame), step_s) for *frame, step_s in zip(*measured, steps_s, strict=True)]
-    return [np.stack(part) for part in zip(*found, strict=True)]
+    points_m, differences_m, seen = (np.stack(part) for part in zip(*found, strict=True))
+    return points_m, differences_m, seen

@@ -16,7 +16,7 @@ from kpopnet.camera import Camera, sequence_in_metres, subsampled
 from kpopnet.errors import check_between, check_one_of
 from kpopnet.estimator import Estimate, Estimator, Judge, check_estimator
 from kpopnet.human import Human, Look
-from kpopnet.networks.over_time import ANOTHER_AFTER_S, Live, Measured, OverTime, read
+from kpopnet.networks.over_time import ANOTHER_AFTER_S, Live, Measured, OverTime, whole
 from kpopnet.tracker.body_estimate import BodyEstimate
 from kpopnet.tracker.confidence import REFINED_WEIGHTS, probability
 from kpopnet.tracker.refine import refine_frame
@@ -152,6 +152,6 @@ def joined(poses: Sequence[Pose | None], times_s: np.ndarray, sees_future: bool)
     measured = {} if not sees_future else {k: pose.measured for k, pose in enumerate(poses) if pose and pose.measured}
     if measured:
         frames = list(measured)
-        whole = Measured(*map(np.stack, zip(*measured.values(), strict=True)))
-        found.joints_camera_m[frames], found.confidence[frames] = _over_time(True)(*read(whole, times_s[frames], future=True))
+        seen = Measured(*map(np.stack, zip(*measured.values(), strict=True)))
+        found.joints_camera_m[frames], found.confidence[frames] = whole(_over_time(True), seen, times_s[frames])
     return found

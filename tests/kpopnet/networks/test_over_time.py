@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from kpopnet.networks import over_time
 from kpopnet.networks.over_time import (
     ANOTHER_AFTER_S,
     BASES,
@@ -18,6 +19,7 @@ from kpopnet.networks.over_time import (
     Measured,
     OverTime,
     read,
+    whole,
 )
 from kpopnet.skeleton import MIRROR, Joint
 
@@ -86,6 +88,19 @@ def test_live_equals_a_recording_with_drop_outs_at_any_rate(fps):
     # A clock that goes back is a start, like a long gap.
     back_m, later_m = (one.update(frame(measured, 0), time_s)[0] for one, time_s in ((live, 0.0), (other, 1e3)))
     np.testing.assert_array_equal(back_m, later_m)
+
+
+def test_a_long_recording_is_read_in_parts_with_the_same_joints(monkeypatch):
+    monkeypatch.setattr(over_time, "PART", 20)
+    times_s, network, longest = TIMES_S.copy(), drawn(future=True), []
+    times_s[40:] += ANOTHER_AFTER_S - 1
+    times_s[77] = times_s[76]
+    told = network.through
+    monkeypatch.setattr(network, "through", lambda seen: longest.append(len(seen)) or told(seen))
+    parts, at_once = whole(network, film(0), times_s), network(*read(film(0), times_s, future=True))
+    assert longest == [20, 20, 20, 20, 16, 96]
+    for one, other in zip(parts, at_once, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-6)
 
 
 def test_averages_take_the_same_time_at_every_rate():
