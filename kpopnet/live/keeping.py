@@ -68,14 +68,19 @@ class DepthRecorder:
                 return
             try:
                 if self._writer.images and image.taken - self._first > MAX_DURATION_S:
-                    self._end("; the next one goes on")
+                    self._end("")
                     self._begin()
+                    self._told += "; the next one goes on"
                 if not self._writer.images:
                     self._first = image.taken
                 self._writer.add(image.depth_m, image.taken - self._first)
                 self._last = image.taken
             except WRITING as error:
-                self._end(f"; it ended early: {of_the_disk(error)}")
+                why = f"; it ended early: {of_the_disk(error)}"
+                if self._writer is None:  # the next file could not be begun
+                    self._told += why
+                else:
+                    self._end(why)
 
     def stop(self) -> None:
         """Ends the recording, if one goes on."""
@@ -90,7 +95,12 @@ class DepthRecorder:
             return told
 
     def _begin(self) -> None:
-        self._writer = DepthWriter(free_path(self._folder, "depth", ".h5"), self._camera)
+        path = free_path(self._folder, "depth", ".h5")
+        try:
+            self._writer = DepthWriter(path, self._camera)
+        except WRITING:
+            path.unlink(missing_ok=True)
+            raise
         self._first = self._last = 0.0
 
     def _end(self, why: str) -> None:
@@ -148,19 +158,25 @@ class JointKeeper:
     def write(self) -> str:
         """Writes a file for each person, which `kpopnet score` reads, and forgets the joints; what was written, "" for nothing.
 
-        Times begin with 0 at the first image. Raises OSError and InputError: nothing is written then, and the joints are kept.
+        Each goes from the first to the last image that shows the person, on one clock: 0 at the first image of all. Raises
+        OSError and InputError: nothing is written then, and the joints are kept.
         """
         if (kept := self._kept) is None:
             return ""
         people = [{person.identity: person for person in seen.people} for seen in kept]
+        shown: dict[int, list[int]] = {}  # the first and the last image that shows each
+        for number, found in enumerate(people):
+            for one in found:
+                shown.setdefault(one, [number, number])[1] = number
         unseen = PersonPose(0, np.full((NUM_JOINTS, 3), np.nan, np.float32), np.zeros(NUM_JOINTS, np.float32))
         paths, times_s = [], np.array([seen.time_s - kept[0].time_s for seen in kept])
         try:
-            for one in sorted(set().union(*people)):
-                poses = [found.get(one, unseen) for found in people]
+            for one, (first, last) in sorted(shown.items()):
+                inside = slice(first, last + 1)  # of many passers-by whole recordings would take minutes
+                poses = [found.get(one, unseen) for found in people[inside]]
                 joints_m, confidence = (np.array(values) for values in [*zip(*poses, strict=True)][1:3])
                 paths.append(free_path(self._folder, f"joints-person{one}", ".npz"))
-                write_performance(paths[-1], Performance(joints_m, times_s, confidence))
+                write_performance(paths[-1], Performance(joints_m, times_s[inside], confidence))
         except BaseException:
             for path in paths:
                 path.unlink(missing_ok=True)

@@ -148,6 +148,8 @@ class Watcher:
                 self._stream(seen)
             except BrokenPipeError as error:
                 raise ReaderGoneError("no program reads the stream any more") from error
+            except OSError as error:
+                raise InputError(f"--stream {self._stream_to[0]}: {of_the_disk(error)}") from error
         if self._joints.add(seen):
             self._order(("joints", False))
             self._order(("joints", True))  # no page has asked for an end

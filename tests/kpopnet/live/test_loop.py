@@ -13,6 +13,7 @@ from cone_people import CAMERA, cone_joints
 
 from kpopnet.camera import CAMERAS
 from kpopnet.dance.joint_files.reader import read_performance
+from kpopnet.errors import InputError
 from kpopnet.estimator import Estimate
 from kpopnet.live import keeping, loop
 from kpopnet.live.loop import Watcher, Watching
@@ -154,6 +155,17 @@ def test_a_recording_that_ends_while_kernels_are_compiled_gives_its_last_image(w
     assert [one.number for one in streamed[1:]] == [0, 1, 2, 3]
 
 
+def test_a_stream_to_a_full_disk_ends_in_one_line_after_the_joints_are_saved(watch, monkeypatch, tmp_path):
+    def full(seen: Seen) -> None:
+        if seen.number == 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(loop, "open_stream", lambda *given: contextlib.nullcontext(full))
+    with pytest.raises(InputError, match="the disk is full"):
+        watch(Images(np.arange(9) / 10), {1: ("joints", True)})
+    assert len(list((tmp_path / "kept").glob("joints-*"))) == 2
+
+
 def test_what_is_never_saved_is_not_kept(watch, monkeypatch):
     class Networked(Estimator):
         def update(self, *image: object) -> list[PersonPose]:
@@ -182,6 +194,19 @@ def test_joints_that_cannot_be_written_are_kept_for_as_long_as_a_dance_may_last(
     assert keeper.state == {"images": 2, "seconds": 0.5}
 
 
+def test_passers_by_are_saved_from_their_first_to_their_last_image_on_the_common_clock(tmp_path):
+    keeper, joints_m = keeping.JointKeeper(tmp_path), cone_joints().astype(np.float32)
+    keeper.start()
+    for number, identities in enumerate(([1], [1], [1, 2], [1], [1, 2], [1])):
+        people = [PersonPose(one, joints_m, np.ones(15, np.float32)) for one in identities]
+        keeper.add(Seen(number, 5.0 + number / 10, 10.0, people))
+    assert "the joints of 6 images" in keeper.write()
+    one, other = (read_performance(path) for path in sorted(tmp_path.iterdir()))
+    np.testing.assert_allclose(one.times_s, np.arange(6) / 10, atol=1e-6)
+    np.testing.assert_allclose(other.times_s, [0.2, 0.3, 0.4], atol=1e-6)
+    assert other.confidence.any(axis=1).tolist() == [True, False, True]
+
+
 def test_a_recording_goes_on_in_another_file_before_it_is_too_long_to_be_read(monkeypatch, tmp_path):
     camera, depth_m = CAMERAS["eval"], np.ones((240, 320), np.float32)
     recorder = keeping.DepthRecorder(tmp_path, camera)
@@ -194,6 +219,25 @@ def test_a_recording_goes_on_in_another_file_before_it_is_too_long_to_be_read(mo
     recorder.stop()
     times_s = [[image.time_s for image in open_depth(path).timed()] for path in sorted(tmp_path.iterdir())]
     assert sorted(times_s) == [[0, 0.5], [0, 0.5, 1.0]]
+
+
+def test_a_disk_that_is_full_when_the_next_file_begins_ends_the_recording_alone(monkeypatch, tmp_path):
+    class Full(keeping.DepthWriter):
+        def __init__(self, path: Path, camera: object) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    depth_m = np.ones((240, 320), np.float32)
+    recorder = keeping.DepthRecorder(tmp_path, CAMERAS["eval"])
+    monkeypatch.setattr(keeping, "MAX_DURATION_S", 1.0)
+    recorder.start()
+    recorder.add(Image(depth_m, 5.0))
+    monkeypatch.setattr(keeping, "DepthWriter", Full)
+    recorder.add(Image(depth_m, 6.5))
+    assert "1 depth images of 0.0 s" in (told := recorder.news()) and "ended early" in told and "disk is full" in told
+    assert recorder.state is None and len(list(tmp_path.iterdir())) == 1  # no empty file
+    with pytest.raises(OSError, match="No space"):
+        recorder.start()
+    assert recorder.state is None and len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_disk_that_is_gone_when_a_recording_ends_is_told_and_the_next_one_begins_anew(monkeypatch, tmp_path):
