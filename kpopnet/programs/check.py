@@ -38,6 +38,7 @@ from kpopnet.programs.arguments import OF_RECORDINGS, add_depth, check_not_given
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.input_files import named
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.sources import DepthSource
@@ -212,7 +213,7 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
     tell_assumed_rate(source)
     warm_up(source, estimator)
     collected, dropped = Collected(source.camera), 0
-    with tqdm(total=round(END_S), desc=path.name, unit="s", disable=None) as bar:
+    with tqdm(total=round(END_S), desc=named(path).name, unit="s", disable=None) as bar:
         if given.as_fast:
             for answer in itertools.takewhile(lambda one: one.time_s < END_S, answers_as_fast(source, estimator)):
                 collected.add(answer, answer.time_s)
@@ -226,7 +227,7 @@ def check_recording(path: Path, given: argparse.Namespace, estimator: PoseEstima
                     collected.add(answer, script_s)
                     bar.update(int(script_s) - bar.n)
                 dropped = images.dropped
-    return collected.watched(path.name, dropped, None if truth is None else Truth(*truth), source.fps)
+    return collected.watched(named(path).name, dropped, None if truth is None else Truth(*truth), source.fps)
 
 
 def check_live(given: argparse.Namespace, address: str, estimator: PoseEstimator) -> Watched:
@@ -307,7 +308,7 @@ def main() -> None:
         before = "{processor}, {usable_cores} of {cores} cores, load {load:.1f}".format(**machine_before)
         about = {"source": given.source, "simulated": is_simulated, "as_fast": given.as_fast, "runs": len(runs)}
         faults = [f"{run.name}: {fault}" for run in runs if (fault := script_fault(run))]
-        shown = blocks(Path(given.source).name, is_simulated, found, [f"Images came {fed}; {before}.", *faults])
+        shown = blocks(named(Path(given.source)).name, is_simulated, found, [f"Images came {fed}; {before}.", *faults])
         print(as_text(shown))
         if given.out:
             written = write(given.out, shown, found, runs, about | {"machine": machine_before})

@@ -22,6 +22,7 @@ from kpopnet.pose.estimator import MAX_PEOPLE
 from kpopnet.programs import arguments
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import silence_output, user_errors
+from kpopnet.runtime.input_files import named
 from kpopnet.sources.live import LIVE_CAMERAS, PlayedRecording, check_live, is_live, open_live, shared_live
 from kpopnet.tracker.refine import compile_refining
 
@@ -65,7 +66,7 @@ def watching(given: argparse.Namespace) -> Watching:
         path = Path(given.source)
         if not path.exists():
             raise InputError(f"{path}: no such recording, and no camera; there are {', '.join(LIVE_CAMERAS)}")
-        open_source, name = arguments.opener(path, given, in_child=True), path.name
+        open_source, name = arguments.opener(path, given, in_child=True), named(path).name
         arguments.tell_assumed_rate(open_source())
         open_camera = partial(PlayedRecording, open_source, given.loop)
     return Watching(name, open_camera, given.data, given.checkpoint, given.people, given.stream, given.port_out)

@@ -37,6 +37,7 @@ from kpopnet.runtime.atomic_write import remove_unfinished, write_whole
 from kpopnet.runtime.compilation import announce_compilation
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
+from kpopnet.runtime.input_files import named
 from kpopnet.sources import DepthSource
 from kpopnet.sources.source import TimedDepth
 from kpopnet.tracker.refine import compile_refining
@@ -121,7 +122,7 @@ def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray,
             yield image
 
     overlay.write_video(out / "overlay.mp4", overlays(), source.fps)
-    title = f"{Path(source.name).name}: {len(people)} {'person' if len(people) == 1 else 'people'}, {frames} images"
+    title = f"{named(Path(source.name)).name}: {len(people)} {'person' if len(people) == 1 else 'people'}, {frames} images"
     save_png(out / "overlay.png", overlay.overlay_sheet(tiles, title))
     page = view_page(title, source.camera, times_s, [Shown(one.joints_camera_m, one.confidence) for one in people], clouds)
     write_whole(out / "view.html", page)

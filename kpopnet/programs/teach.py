@@ -37,7 +37,7 @@ from kpopnet.programs.score import seeing_estimator
 from kpopnet.runtime.cpu import available_cores
 from kpopnet.runtime.endings import user_errors
 from kpopnet.runtime.folder_lock import locked
-from kpopnet.runtime.input_files import expect
+from kpopnet.runtime.input_files import expect, named
 from kpopnet.runtime.parallel import in_processes
 from kpopnet.sources.live import LIVE_CAMERAS, check_live, open_live, shared_live
 from kpopnet.sources.source import DepthSource, LiveCamera, TimedDepth
@@ -183,12 +183,12 @@ def own_dances(given: argparse.Namespace) -> dict[str, list[Performance]]:
         if len(people) < given.people:
             text = f"{len(people)} of {given.people} people were found" if people else "no person was found"
             raise InputError(f"{path}: {text}; the camera must see each dancer from head to feet")
-        return {given.title or path.stem: [Performance(one.joints_camera_m, times_s, one.confidence) for one in people]}
+        return {given.title or named(path).stem: [Performance(one.joints_camera_m, times_s, one.confidence) for one in people]}
     arguments.check_not_given(
         given, tuple(name for name in arguments.OF_DEPTH if name != "fps"), f"for recordings of depth; {path} holds joints"
     )
     expect(given.people == 1, "--people", "a recording of depth; of joints, a file for each dancer")
-    return {given.title or path.stem: read_strangers_group(given.files, given.fps, given.joint_map)}
+    return {given.title or named(path).stem: read_strangers_group(given.files, given.fps, given.joint_map)}
 
 
 def add_own(given: argparse.Namespace) -> None:
@@ -198,7 +198,7 @@ def add_own(given: argparse.Namespace) -> None:
     expect(given.to_s is None or given.to_s > given.from_s, "--to", f"more than the {given.from_s:g} s of --from")
     arguments.check_grading(given)
     path = given.files[0]
-    checked_title(given.title or path.stem)  # before a recording is looked at for minutes
+    checked_title(given.title or named(path).stem)  # before a recording is looked at for minutes
     if given.to_s is not None:
         check_length(str(path), min(given.to_s - given.from_s, MAX_S))
     dances = own_dances(given)
@@ -258,7 +258,7 @@ def checked_sources(given: argparse.Namespace) -> tuple[dict[str, str | Said], C
     if given.depth is not None:
         open_recording = arguments.opener(given.depth, given, in_child=False)  # it must begin at once
         arguments.tell_assumed_rate(open_recording())
-        sources = {RECORDING: Said("the recording {name}", name=given.depth.name)} | sources
+        sources = {RECORDING: Said("the recording {name}", name=named(given.depth).name)} | sources
     if given.live is not None:
         sources = {given.live: check_live(given.live, "--live")} | sources
     if given.checkpoint is not None:

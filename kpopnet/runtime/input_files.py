@@ -93,6 +93,11 @@ def as_path(given: Path | str) -> Path:
         raise InputError(f"expected the path of a file or folder, got {given!r:.80}") from None
 
 
+def named(path: Path) -> Path:
+    """The path with a name to show: the folder's own where it is given as . or ..."""
+    return path.resolve() if path.name in ("", "..") else path
+
+
 def expect(condition: bool, where: str, expectation: str) -> None:
     """Raises InputError("WHERE: expected EXPECTATION") unless the condition holds."""
     if not condition:

@@ -19,7 +19,7 @@ from kpopnet.datasets.dances.dance_set import TEACHER, KpopSet
 from kpopnet.datasets.dances.dance_set import read_performance as read_kpop
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
-from kpopnet.runtime.input_files import check_fields, expect, parse_json
+from kpopnet.runtime.input_files import check_fields, expect, named, parse_json
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS, Joint
 from kpopnet.sources.opening import CONVERTERS, READERS, WITH_NAMES
@@ -117,9 +117,9 @@ def _without_guesses(performance: Performance) -> Performance:
 def kpop_teachers(path: Path) -> dict[str, Performance]:
     """The teachers of a set in the K-Pop format, or of one of its dances, by name; none where `path` is something else."""
     if path.name == TEACHER:
-        paths = {path.parent.name: path}
+        paths = {named(path.parent).name: path}
     elif (path / TEACHER).is_file():
-        paths = {path.name: path / TEACHER}
+        paths = {named(path).name: path / TEACHER}
     elif any(path.glob(f"*/{TEACHER}")):
         dances = KpopSet(path)
         paths = {name: dances.folder / name / TEACHER for name in dances.names}

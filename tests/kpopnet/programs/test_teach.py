@@ -87,6 +87,12 @@ def test_a_folder_of_dances_is_added(run, tmp_path, danced):
     np.testing.assert_allclose(library.dance("own_003").joints_m, danced.joints_m[:-1], atol=1e-4)
 
 
+def test_a_dance_that_is_given_as_this_folder_has_the_name_of_the_folder(run, tmp_path, danced, monkeypatch):
+    write_dance(tmp_path / "set", "alpha", danced.performance, {"best": danced.performance, "worst": danced.performance})
+    monkeypatch.chdir(tmp_path / "set" / "alpha")
+    assert "added alpha as own_001" in run("add", ".") and "added alpha as own_002" in run("add", "teacher.h5")
+
+
 def test_a_dance_before_a_depth_camera_is_added(run, tmp_path, danced):
     """A simulated learner dances perfectly; the network of the package finds the joints."""
     camera = teach.open_source(None, Lesson("dance_000"), danced, DanceClock(0.0, 1.0))
