@@ -95,11 +95,16 @@ class DepthSource:
 MOST_TIMES_AS_LONG = 64
 """Longer side of an image over its shorter one: drawn at a given width, a strip would have no height, or take gigabytes."""
 
+LONGEST_SIDE = 16_384
+"""Pixels; no encoder of H.264 takes more."""
+
 
 def check_size(where: str, width: int, height: int, frames: int | None = None) -> None:
     """Raises InputError for images, or a number of them, that no depth camera makes, before memory is taken for them."""
     if not (width > 0 and height > 0 and width * height <= MAX_IMAGE_PIXELS):
         raise InputError(f"{where}: images of {width}x{height} pixels; expected 1 to {MAX_IMAGE_PIXELS:,} pixels")
+    if max(width, height) > LONGEST_SIDE:
+        raise InputError(f"{where}: images of {width}x{height} pixels; expected sides of at most {LONGEST_SIDE:,} pixels")
     if max(width, height) > MOST_TIMES_AS_LONG * min(width, height):
         expected = f"one side at most {MOST_TIMES_AS_LONG} times as long as the other"
         raise InputError(f"{where}: images of {width}x{height} pixels; expected {expected}")

@@ -45,6 +45,12 @@ def test_a_file_that_tells_its_camera_needs_nothing_else(write, name, tmp_path):
     assert source.camera == CAMERA and source.frames == len(METRES)
 
 
+def test_a_side_that_no_video_has_is_refused(tmp_path):
+    np.save(tmp_path / "a.npy", np.full((1, 300, 16_400), 2000, np.uint16))
+    with pytest.raises(InputError, match=r"a\.npy.* 16400x300 pixels; expected sides of at most 16,384 pixels"):
+        open_depth(tmp_path / "a.npy", Camera.centred(9000.0, 16_400, 300))
+
+
 @pytest.mark.parametrize("shape", [(9000, 4), (2, 6000)])
 def test_a_strip_is_refused(shape, tmp_path):
     np.save(tmp_path / "a.npy", np.full((3, *shape), 2000, np.uint16))
