@@ -102,13 +102,18 @@ async def dances(request: web.Request) -> web.Response:
 @routes.get("/api/dances/{identity}")
 async def dance(request: web.Request) -> web.Response:
     library, identity = request.app[TEACHING].library, request.match_info["identity"]
-    found = await asyncio.to_thread(library.dance, identity)
+    return web.json_response(text=await asyncio.to_thread(_dance_text, library, identity))
+
+
+def _dance_text(library: Library, identity: str) -> str:
+    """A dance as JSON: of a long one of a group it takes half a second, in which the lessons of other pages go on."""
+    found = library.dance(identity)
     starts_m = np.nan_to_num([one.start_m[[0, 2]] for one in found.dancers])
     first, *others = [
         packed_movement(Movement(one.quats, one.hips_m, one.fps)) | {"place_m": place_m, "moves": moves_cm(one)}
         for one, place_m in zip(found.dancers, (starts_m - starts_m.mean(axis=0)).round(3).tolist(), strict=True)
     ]
-    return web.json_response(_shown(identity, found.about) | first | {"others": others})
+    return json.dumps(_shown(identity, found.about) | first | {"others": others})
 
 
 def _shown(identity: str, about: About) -> dict:
@@ -117,8 +122,8 @@ def _shown(identity: str, about: About) -> dict:
 
 @routes.get("/api/dances/{identity}/preview")
 async def preview(request: web.Request) -> web.Response:
-    library = request.app[TEACHING].library
-    return web.json_response(preview_cm(await asyncio.to_thread(library.dance, request.match_info["identity"])))
+    library, identity = request.app[TEACHING].library, request.match_info["identity"]
+    return web.json_response(await asyncio.to_thread(lambda: preview_cm(library.dance(identity))))
 
 
 @routes.post("/api/dances")
@@ -255,7 +260,8 @@ async def make_film(request: web.Request) -> web.StreamResponse:
 async def movement(request: web.Request) -> web.Response:
     """The learner's movement in a try on the teacher's body, for the replay."""
     dance, name = request.match_info["dance"], request.match_info["name"]
-    return web.json_response(packed_movement(await asyncio.to_thread(_learners_movement, request.app[TEACHING], dance, name)))
+    teaching = request.app[TEACHING]
+    return web.json_response(await asyncio.to_thread(lambda: packed_movement(_learners_movement(teaching, dance, name))))
 
 
 def _learners_movement(teaching: Teaching, dance: str, name: str) -> Movement:

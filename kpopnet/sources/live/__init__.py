@@ -151,7 +151,10 @@ class NewestImage:
         self._camera, self._keep, self._image, self._ended = camera, keep, None, False
         self._changed = threading.Condition()
         # Once in some minutes Python looks through all objects for garbage: of all that was imported 70 to 120 ms, in which no
-        # thread goes on. From here on it looks through new objects alone.
+        # thread goes on. From here on it looks through new objects alone. Circles that the lessons before left, of learners
+        # and rooms, are collected first: frozen they would never be.
+        gc.unfreeze()
+        gc.collect()
         gc.freeze()
         self._thread = threading.Thread(target=self._read, daemon=True, name="camera")
         self._thread.start()

@@ -183,7 +183,10 @@ class RunningLesson:
         self._estimator.reset()
 
     def close(self) -> None:
-        """Lets go of the camera; of a webcam the thread that reads it waits for what the page sends."""
+        """Lets go of the camera; of a webcam the thread that reads it waits for what the page sends, of a recording for the
+        moment of the dance to which the next image belongs.
+        """
+        self._clock.stop()
         if self._webcam:
             self._webcam.keep(SeenPicture(None, time.monotonic()))
         self.images.close()
@@ -266,7 +269,7 @@ class RunningLesson:
         for member, one in enumerate(self._tries):
             if (verdict := one.next_verdict()) is not None:
                 self._tell("verdict", verdict | {"member": member})
-        if clock.running and (self._tries[0].is_over or images.ended):
+        if (clock.running and self._tries[0].is_over) or (images.ended and not clock.stopped):  # also in a pause
             clock.stop()
             (result, arrays), *others = [one.finish(images.dropped) for one in self._tries]
             for other, of_other in others:

@@ -26,6 +26,7 @@ from kpopnet.dance.joint_files.reader import read_performance  # noqa: E402
 from kpopnet.errors import InputError  # noqa: E402
 from kpopnet.pose import PersonPose  # noqa: E402
 from kpopnet.skeleton import Joint  # noqa: E402
+from kpopnet.teacher import server  # noqa: E402
 from kpopnet.teacher.live.loop import as_rows  # noqa: E402
 from kpopnet.teacher.pages import MOST_PAGES  # noqa: E402
 from kpopnet.teacher.safety import Keys, is_loopback  # noqa: E402
@@ -60,6 +61,25 @@ async def test_dances_and_the_body_are_served(client, teaching):
     frames = round(dance["seconds"] * dance["fps"])
     assert len(dance["quats"]) == pytest.approx(frames * len(body["names"]) * 8 * 4 / 3, abs=4)
     assert (await client.told("/api/offer"))["sources"] == teaching.sources
+
+
+def test_what_takes_long_of_a_long_dance_stops_no_lesson_of_another_page(teaching, tried, monkeypatch):
+    name, threads = tried(2.0), {}
+    for slow in ("preview_cm", "moves_cm", "packed_movement"):
+        given = getattr(server, slow)
+
+        def noted(one, slow=slow, given=given):
+            threads.setdefault(slow, set()).add(threading.current_thread())
+            return given(one)
+
+        monkeypatch.setattr(server, slow, noted)
+
+    async def look(client) -> None:
+        for path in ("dances/dance_001/preview", "dances/dance_001", f"tries/dance_001/{name}/movement"):
+            await client.told(f"/api/{path}")
+
+    with_client(teaching, look)
+    assert len(threads) == 3 and threading.current_thread() not in set().union(*threads.values())
 
 
 STRANGERS = (

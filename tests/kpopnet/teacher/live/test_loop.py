@@ -6,6 +6,7 @@ import multiprocessing
 import queue
 import threading
 import time
+import weakref
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -16,8 +17,9 @@ from kpopnet.camera import CAMERAS
 from kpopnet.dance.joint_files.mediapipe import WEBCAM
 from kpopnet.errors import InputError
 from kpopnet.pose import PersonPose, PoseEstimator
+from kpopnet.programs.teach import RecordedCamera
 from kpopnet.sources.live import NewestImage
-from kpopnet.sources.source import CameraAwayError, LiveCamera
+from kpopnet.sources.source import CameraAwayError, LiveCamera, TimedDepth
 from kpopnet.teacher.live import loop
 from kpopnet.teacher.live.lesson import DanceClock, Lesson
 from kpopnet.teacher.live.loop import Learners
@@ -49,6 +51,22 @@ def test_the_newest_image_wins_and_the_others_are_dropped_and_a_camera_that_fail
         time.sleep(0.01)
     assert "unplugged" in images.error
     images.close()
+
+
+def test_what_a_lesson_leaves_in_a_circle_is_collected_before_the_next_one():
+    class Circle:
+        """A camera that ends at once and holds itself."""
+
+        def __init__(self) -> None:
+            self.read, self.close, self.itself = lambda: None, lambda: None, self
+
+    left = []
+    for _ in range(3):
+        camera = Circle()
+        left.append(weakref.ref(camera))
+        NewestImage(camera).close()
+        del camera
+    assert [one() is None for one in left[:-1]] == [True, True]
 
 
 def test_who_stands_in_the_middle_is_the_learner_and_passers_by_do_not_take_over():
@@ -163,6 +181,24 @@ def held(library, monkeypatch, request):
         yield server, cameras[0]
 
 
+def test_a_lesson_with_a_recording_that_is_stopped_before_the_dance_begins_ends_at_once(library, monkeypatch):
+    dance = library.dance("dance_001")
+    monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: {"best": Knowing(dance)}[mode])
+    images = [TimedDepth(number / FPS, np.full((240, 320), number / FPS, np.float32)) for number in range(30)]
+    source = SimpleNamespace(camera=CAMERAS["kinect_v1"], name="a.h5", timed=lambda: iter(images))
+    with serving(lambda lesson, dance, clock: RecordedCamera(source, clock)) as server:
+        server.send(("prepare", 1, Lesson("dance_001", to_s=4.0), dance))
+        told(server, "ready")
+        server.send(("go", 20.0))
+        time.sleep(0.5)
+        began = time.monotonic()
+        server.send(("stop",))
+        server.send(("prepare", 2, Lesson("dance_001", to_s=4.0), dance))
+        while server.recv()[0] != 2:
+            pass
+        assert time.monotonic() - began < 3
+
+
 def test_who_is_recorded_has_the_joints_of_every_image_told_and_others_do_not(library, monkeypatch):
     dance = library.dance("dance_001")
     monkeypatch.setattr(loop, "load_estimator", lambda checkpoint, mode: {"best": Knowing(dance)}[mode])
@@ -192,6 +228,18 @@ def told(server, kind: str, frames: list | None = None) -> dict:
         if said == kind:
             return content
     raise AssertionError(f"no message {kind}")
+
+
+def test_a_try_whose_camera_ends_in_a_pause_is_not_lost(held):
+    server, camera = held
+    server.send(("go", 0.1))
+    frames: list[dict] = []
+    while not frames or (frames[-1]["time_s"] or 0) < 2.6:
+        told(server, "frame", frames)
+    server.send(("pause",))
+    told(server, "paused")
+    camera.read = lambda: None
+    assert told(server, "done")["total"] is not None
 
 
 def test_the_dance_stands_still_while_the_camera_is_away_or_a_pause_is_asked_for_and_goes_on(held):
