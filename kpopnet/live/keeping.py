@@ -112,10 +112,11 @@ class DepthRecorder:
             why = why or f"; it is not complete: {of_the_disk(error)}"
         if not writer.images:
             writer.path.unlink(missing_ok=True)
-            self._told = f"no image came: nothing was recorded{why}"
+            told = f"no image came: nothing was recorded{why}"
         else:
             seconds = self._last - self._first
-            self._told = f"{writer.images} depth images of {seconds:.1f} s are in {writer.path}{why}"
+            told = f"{writer.images} depth images of {seconds:.1f} s are in {writer.path}{why}"
+        self._told = f"{self._told}. Then {told}" if self._told else told  # of two files that end at once both are told
 
 
 class JointKeeper:

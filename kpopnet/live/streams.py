@@ -83,6 +83,7 @@ def _printed(write: Stream) -> Stream:
         except OSError as error:
             if is_windows_broken_pipe(error):
                 raise BrokenPipeError from error
+            error.filename = "standard output"
             raise
 
     return stream

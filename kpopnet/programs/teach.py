@@ -9,7 +9,7 @@
     kpopnet teach add dance.bag --from 4 --to 64           a recording of depth: the network of the package finds the joints,
     kpopnet teach add my_set/                              or the teachers of a folder in the K-Pop format
     kpopnet teach add ann.bvh bea.bvh --title Duet         a group that was recorded together, a file for each dancer
-    kpopnet teach see                             shows dances to the depth network: its errors cost less; 20 minutes
+    kpopnet teach see                             shows dances to the network: scores of composed ones are surer; 20 minutes
 
 The first start makes a hundred dances, in a quarter of a minute on two quiet cores. docs/teaching.md describes the page.
 """

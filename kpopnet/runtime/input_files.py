@@ -94,7 +94,7 @@ def as_path(given: Path | str) -> Path:
 
 
 def named(path: Path) -> Path:
-    """The path with a name to show: the folder's own where it is given as . or ..."""
+    """The path with a name to show: where a folder is given as "." or "..", the folder's own."""
     return path.resolve() if path.name in ("", "..") else path
 
 

@@ -240,6 +240,20 @@ def test_a_disk_that_is_full_when_the_next_file_begins_ends_the_recording_alone(
     assert recorder.state is None and len(list(tmp_path.iterdir())) == 1
 
 
+def test_a_file_that_was_finished_is_told_where_the_next_ones_first_image_cannot_be_written(monkeypatch, tmp_path):
+    def full(writer: keeping.DepthWriter, *image: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    recorder = keeping.DepthRecorder(tmp_path, CAMERAS["eval"])
+    monkeypatch.setattr(keeping, "MAX_DURATION_S", 1.0)
+    recorder.start()
+    recorder.add(Image(np.ones((240, 320), np.float32), 5.0))
+    monkeypatch.setattr(keeping.DepthWriter, "add", full)
+    recorder.add(Image(np.ones((240, 320), np.float32), 6.5))
+    [kept] = tmp_path.iterdir()
+    assert f"1 depth images of 0.0 s are in {kept}" in (told := recorder.news()) and "disk is full" in told
+
+
 def test_a_disk_that_is_gone_when_a_recording_ends_is_told_and_the_next_one_begins_anew(monkeypatch, tmp_path):
     camera, depth_m = CAMERAS["eval"], np.ones((240, 320), np.float32)
     recorder, close = keeping.DepthRecorder(tmp_path, camera), keeping.DepthWriter.close

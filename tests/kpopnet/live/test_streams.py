@@ -120,6 +120,15 @@ def test_a_reader_that_has_gone_is_told_with_the_first_image(monkeypatch, kind, 
         stream(SEEN)
 
 
+def test_a_full_disk_behind_the_standard_output_is_named(monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(sys, "stdout", SimpleNamespace(write=full, flush=full))
+    with open_stream("json") as stream, pytest.raises(OSError, match="standard output"):
+        stream(SEEN)
+
+
 @pytest.mark.parametrize("error", [ConnectionRefusedError, ConnectionResetError])  # Linux's, Windows'
 def test_where_no_program_listens_images_go_nowhere(monkeypatch, error):
     class Deaf(socket.socket):
