@@ -48,7 +48,8 @@ _LIMBS = {
     "肩": ("上半身2", "Shoulder"), "腕": ("肩", "Arm"), "腕捩": ("腕", "ForeArm"), "ひじ": ("腕捩", "ForeArm"),
     "手捩": ("ひじ", "Hand"), "手首": ("手捩", "Hand"),
     "足": ("下半身", "UpLeg"), "ひざ": ("足", "Leg"), "足首": ("ひざ", "Foot"),
-    "つま先": ("足首", "ToeBase"), "足IK": ("全ての親", "Foot"), "つま先IK": ("足IK", "ToeBase"),
+    "つま先": ("足首", "ToeBase"), "足IK親": ("全ての親", "Sole"), "足IK": ("足IK親", "Foot"),
+    "つま先IK": ("足IK", "ToeBase"),
 }  # fmt: skip
 _TREE = _TRUNK | {
     side + bone: (side + parent if parent in _LIMBS else parent, english + place)
@@ -71,6 +72,7 @@ def _rest_m() -> np.ndarray:
         for part in ("ForeArm", "Hand"):
             arm_m = MEAN_ADULT_M[f"{side}Arm"]
             places[side + part] = arm_m + Rotation.from_euler("z", down).apply(MEAN_ADULT_M[side + part] - arm_m)
+        places[f"{side}Sole"] = np.array([MEAN_ADULT_M[f"{side}Foot"][0], _FLOOR_M, MEAN_ADULT_M[f"{side}Foot"][2]])
     return np.array([places[place] if isinstance(place, str) else place for _, place in _TREE.values()], float)
 
 

@@ -314,3 +314,17 @@ def test_other_files_are_refused_in_one_line(tmp_path, file, message):
     with pytest.raises(InputError, match=rf"{name}.*{message}") as error:
         read_performance(write(tmp_path / "in" / name))
     assert "\n" not in str(error.value)
+
+
+def test_feet_follow_the_parent_of_their_ik_bone_too(tmp_path):
+    still, lifted, turned = [(0, *REST)], [(0, *REST), (60, (1, 4, -2), (0, 0, 0, 1))], [(0, (0, 0, 0), (0, 0.6, 0, 0.8))]
+    keys = dict.fromkeys(("左腕", "右腕", "左足ＩＫ", "右足ＩＫ"), still)
+    own = read_performance(write_vmd(tmp_path / "a.vmd", keys | {"左足ＩＫ": lifted}))
+    of_parent = read_performance(write_vmd(tmp_path / "b.vmd", keys | {"左足IK親": lifted}))
+    np.testing.assert_allclose(of_parent.joints_m, own.joints_m, atol=1e-5)
+    assert np.ptp(of_parent.joints_m[:, Joint.LEFT_KNEE, 1]) > 0.1
+    # Below the ankle it turns the toes alone, as the IK bone does.
+    own, of_parent = (
+        read_performance(write_vmd(tmp_path / "c.vmd", keys | {name: turned})) for name in ("左足ＩＫ", "左足IK親")
+    )
+    np.testing.assert_allclose(of_parent.joints_m, own.joints_m, atol=1e-5)
