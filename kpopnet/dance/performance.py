@@ -278,7 +278,7 @@ def _resampled(joints, confidence, times, at):
                         before = min(before, abs(offset))
                     if offset >= -TIME_TOLERANCE_S:
                         after = min(after, abs(offset))
-            if before + after <= MAX_GAP_S:
+            if before + after <= MAX_GAP_S + TIME_TOLERANCE_S:
                 _fit_line(joints[first:stop, j], offsets, weights, joints_at[g, j])
     return joints_at, confidence_at
 

@@ -103,3 +103,10 @@ def test_what_is_no_dance_is_refused_in_one_line_online_and_offline():
     for teacher, message in ((slow, r"the teacher's dance: frames are 0\.3 s apart"), (joints_m, "expected a Performance")):
         with pytest.raises(InputError, match=message):
             OnlineScorer(teacher)
+
+
+@pytest.mark.parametrize("start_s", [0.0, 0.1, 1 / 3, 0.123])
+def test_frames_that_are_as_far_apart_as_they_may_be_leave_no_gap(start_s):
+    times_s = start_s + np.arange(40) / 4
+    at_s = start_s + np.arange(round(30 * 9.7)) / 30
+    assert np.isfinite(resampled(np.tile(JOINTS_M[:1], (40, 1, 1)), times_s, at_s)).all()
