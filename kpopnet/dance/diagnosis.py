@@ -192,14 +192,17 @@ class _Result(NamedTuple):
 
     similarity: float = 0.0  # 0 to 100
     windows: np.ndarray = np.zeros(0)  # (N,) their similarity, 0 where unknown
-    delay_s: float = 0.0  # the learner's median delay; 0 if unknown
+    weight: np.ndarray = np.zeros(0)  # (N,) how much the teacher moves in them, as of `kpopnet.dance.scoring.Windows`
+    delay_s: float = 0.0  # the learner's median delay where the teacher moves; 0 if unknown
 
     def gains(self, before: "_Result", points: float) -> bool:
         return self.similarity >= max(MIN_CORRECTED, before.similarity + points)
 
     def losing(self, before: "_Result") -> float:
-        """The fraction of the windows that score MIN_GAIN less than before."""
-        return float(np.mean(before.windows >= self.windows + MIN_GAIN)) if len(before.windows) else 0.0
+        """The fraction of the windows that score MIN_GAIN less than before; each counts as much as in the score."""
+        if not before.weight.any():
+            return 0.0
+        return float(np.average(before.windows >= self.windows + MIN_GAIN, weights=before.weight))
 
 
 class _Pair(NamedTuple):
@@ -221,9 +224,10 @@ class _Pair(NamedTuple):
             score = score_dance(*self.after(guess), self.scorer, free_s=self.free_s)
         except InputError:
             return _Result()
-        delay_s = score.windows.delay_s[np.isfinite(score.windows.delay_s)]
+        windows = score.windows
+        delay_s = windows.delay_s[np.isfinite(windows.delay_s) & (windows.weight > 0)]
         median_s = float(np.median(delay_s)) if len(delay_s) else 0.0
-        return _Result(float(np.nan_to_num(score.similarity)), np.nan_to_num(score.windows.similarity), median_s)
+        return _Result(float(np.nan_to_num(score.similarity)), np.nan_to_num(windows.similarity), windows.weight, median_s)
 
     def fit(self, guess: Correction) -> tuple[float, float]:
         """The delay in seconds at which the learner's frames are nearest to the teacher's, and their mean distance there."""

@@ -203,17 +203,19 @@ def _gathered(moments: list[Moment], dance_s: float, beat_s: float | None) -> tu
 def _praise(score: DanceScore) -> Iterator[str]:
     """What is right nearly throughout: the limbs that the teacher moves, and the timing."""
     windows, moved = score.windows, score.dynamics.ratios
-    right = [name for name in LIMBS if name in moved and _mostly(windows.parts[name] >= RIGHT, windows.parts[name])]
+    parts, weight = windows.parts, windows.weight
+    right = [name for name in LIMBS if name in moved and _mostly(parts[name] >= RIGHT, parts[name], weight)]
     if right:
         yield Said("right nearly throughout: {parts}", parts=[Said(name) for name in right])
-    if score.timing >= RIGHT and _mostly(abs(windows.delay_s) < MIN_DELAY_S, windows.delay_s):
+    if score.timing >= RIGHT and _mostly(abs(windows.delay_s) < MIN_DELAY_S, windows.delay_s, weight):
         yield "on time nearly throughout"
 
 
-def _mostly(good: np.ndarray, values: np.ndarray) -> bool:
-    """Whether (N,) flags hold in RIGHT_WINDOWS of the windows, of which half have known values."""
+def _mostly(good: np.ndarray, values: np.ndarray, weight: np.ndarray) -> bool:
+    """Whether (N,) flags hold in RIGHT_WINDOWS of the windows, of which half have known values; each counts by its weight."""
     known = np.isfinite(values)
-    return bool(known.mean() >= 0.5 and good[known].mean() >= RIGHT_WINDOWS)
+    of_known = weight[known].sum()
+    return bool(of_known > 0 and 2 * of_known >= weight.sum() and weight[known & good].sum() >= RIGHT_WINDOWS * of_known)
 
 
 def _hints(score: DanceScore) -> Iterator[tuple[str, str]]:
@@ -236,8 +238,10 @@ def _unseen(score: DanceScore) -> Iterator[tuple[Said, float, float]]:
     """Who or what is not in the picture, and from when to when, in seconds."""
     coverage = {name: score.windows.coverage[name] for name in (*LIMBS, "torso")}
     missing = {name: values < UNSEEN_BELOW for name, values in coverage.items()}  # false for NaN
-    shown = [missing[name] for name, values in coverage.items() if np.isfinite(values).any()]
-    absent = np.all(shown, axis=0) if shown else missing["torso"]  # Algorithm 3 as printed has no parts
+    # What the teacher does not show at the time says nothing, and one limb that is missing is no person who is.
+    absent = np.all([missing[name] | np.isnan(values) for name, values in coverage.items()], axis=0)
+    shown = sum(bool(np.isfinite(values).any()) for values in coverage.values())  # Algorithm 3 as printed has no parts
+    absent &= np.sum([*missing.values()], axis=0) >= max(min(shown, 2), 1)
     subjects = {"no person in": absent}
     for kind in ("arm", "leg"):
         left, right = (missing[f"{side} {kind}"] & ~absent for side in ("left", "right"))

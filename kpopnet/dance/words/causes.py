@@ -25,7 +25,7 @@ from kpopnet.skeleton import MIRROR
 
 STILL, MOVING, SPREAD_S, MIN_STILL_S, RESTS = 0.3, 0.4, 1.0, 1.5, 0.4
 """The learner rests where the limbs spread, within the third, less than the first, and the teacher's more than the second, of
-the teacher's mean spread over the dance, most of the time; a shorter rest is not mentioned. Half of what the teacher's spread
+the teacher's mean spread where they dance, most of the time; a shorter rest is not mentioned. Half of what the teacher's spread
 at the time is small and no rest: a rest is below the last share of it."""
 
 MAX_POSTURE, MAX_ELSE, ELSE_LIMB, ELSE_LIMBS = 85.0, 40.0, 70.0, 0.5
@@ -97,7 +97,7 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
     """Where the learner rests and the teacher moves."""
     frames = round(SPREAD_S * FPS)
     taught, danced = (spread_rad(joints_m, frames) for joints_m in score.compared_m)
-    mean = np.nanmean(taught) if np.isfinite(taught).any() else 0.0
+    mean = _mean_of_dance(score, taught)
     moving = taught[: len(danced)] >= MOVING * mean
     begin = int(np.argmax(moving)) if moving.any() else 0
     still, half = danced < STILL * mean, frames // 2
@@ -114,6 +114,13 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
             text = "began {seconds} s late" if late else "stood still for {seconds} s"
             text = Said(text, seconds=f"{seconds:.0f}")
             yield Cause(first_s + run.start / FPS, first_s + run.stop / FPS, "late entry" if late else "stood still", text)
+
+
+def _mean_of_dance(score: DanceScore, taught: np.ndarray) -> float:
+    """The mean of (T,) values of the teacher's frames, in which those count as much as the teacher moves."""
+    middle = (score.windows.middle_s - score.windows.start_s[0]) * FPS
+    weight = np.where(np.isfinite(taught), np.interp(np.arange(len(taught)), middle, score.windows.weight), 0.0)
+    return float(np.nan_to_num(taught) @ weight / weight.sum()) if weight.any() else 0.0
 
 
 def _compared(score: DanceScore) -> list[Features]:
@@ -144,7 +151,8 @@ def _elsewhere(
         return "mirrored", CAUSES["mirrored"]
     best = int(everywhere.argmin())
     if everywhere[best] < FITS_BETTER * near:
-        at_s = float(score.windows.start_s[0]) + (first + best - middle) * STRIDE / FPS
+        # Half of a phrase may lie before the dance begins.
+        at_s = float(score.windows.start_s[0]) + max(first + best - middle, 0) * STRIDE / FPS
         return "another phrase", Said("danced what belongs at {time}", time=clock(at_s))
     limbs = np.array([score.windows.parts[name][inside] for name in LIMBS])
     limbs = np.nanmean(limbs[np.isfinite(limbs).any(axis=1)], axis=1)
@@ -182,6 +190,6 @@ def _reduced(moved: Dynamics, start_s: float, end_s: float) -> tuple[str, Said] 
         shown = np.isfinite(logs).any(axis=0)
         of_limbs = np.exp(np.nanmean(logs[:, shown], axis=0))
         if len(of_limbs) > 1 and np.mean(of_limbs < least) >= REDUCED_LIMBS:
-            share = float(np.exp(np.log(of_limbs).mean()))
+            share = float(np.exp(np.log(of_limbs[of_limbs < least]).mean()))  # of those that are: another may move more
             return name, Said("{what}, {percent}% of the teacher's", what=CAUSES[name], percent=f"{100 * share:.0f}")
     return None

@@ -137,3 +137,22 @@ def test_a_clock_that_is_late_is_corrected_to_an_earlier_one_from_its_first_fram
     np.testing.assert_allclose(delayed(late, 2.0, 1.25).times_s, 8 + 1.25 * TEACHER.times_s)
     for late_s, word in ((2.0, "earlier"), (-2.0, "later")):
         assert [str(one) for one in Correction(late_s=late_s).done] == [f"the learner's clock 2.00 s {word}"]
+
+
+def after_standing(joints_m, seconds):
+    """A dance before which the dancer stands for some seconds, as before the music begins."""
+    return np.concatenate([np.repeat(TEACHER.joints_m[:1], round(30 * seconds), axis=0), joints_m])
+
+
+def test_a_clock_is_corrected_as_exactly_where_the_teacher_stands_for_most_of_the_recording():
+    joints_m = after_standing(TEACHER.joints_m, 20)
+    found = diagnose(performed(joints_m), performed(joints_m, 2.1), CONFIG)
+    assert found.correction.late_s == pytest.approx(2.1, abs=0.02) and found.corrected > 99
+
+
+def test_who_mirrors_a_part_of_the_dance_is_not_corrected_however_long_the_teacher_stands():
+    joints_m = mirrored(TEACHER.joints_m)
+    joints_m[-110:] = TEACHER.joints_m[-110:]  # a third of the dance is danced as it is
+    for seconds in (0, 40):
+        found = diagnose(*(performed(after_standing(one, seconds)) for one in (TEACHER.joints_m, joints_m)), CONFIG)
+        assert found.correction is None, seconds

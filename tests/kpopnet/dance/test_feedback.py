@@ -288,3 +288,54 @@ def test_a_part_that_differs_a_little_throughout_is_not_praised():
 
 def test_times_before_the_music_have_a_sign():
     assert [clock(at) for at in (-5.2, -0.4, 65.5, 59.6)] == ["-0:05", "0:00", "1:06", "1:00"]
+
+
+def test_who_is_wrong_whenever_the_teacher_moves_is_not_praised_for_standing():
+    still_m = np.repeat(TEACHER_M[:1], round(66 * FPS), axis=0)  # before the music begins
+    teacher_m, lowered_m = (np.concatenate([still_m, one]) for one in (TEACHER_M, arm_lowered(TEACHER_M, "left", 60)))
+    praise = " ".join(told(lowered_m, teacher_m=teacher_m).praise)
+    assert "right arm" in praise and "left arm" not in praise and "on time" in praise
+
+
+def test_the_share_of_small_movements_is_not_that_of_a_limb_that_moves_more():
+    swing = np.sin(np.pi * np.arange(round(12 * FPS)) / FPS)
+
+    def danced(others_deg, right_arm_deg):
+        joints_m = TEACHER_M[:1].repeat(len(swing), axis=0)
+        for limb in (*ARMS.values(), *LEGS.values()):
+            degrees = right_arm_deg if limb is ARMS["right"] else others_deg
+            angles_rad = np.radians(40 + degrees * swing)
+            joints_m = made.turned_about(joints_m, limb[0], limb[1:], np.tile([-1.0, 0, 0], (len(swing), 1)), angles_rad)
+        return joints_m
+
+    moments = told(danced(13, 50), teacher_m=danced(18, 18)).moments
+    shares = [int(str(one.fault).split(", ")[1].split("%")[0]) for one in moments if one.direction == "too small"]
+    assert shares and all(60 < one < 85 for one in shares), shares
+
+
+def test_who_leaves_the_picture_is_told_so_also_where_a_limb_of_the_teacher_is_hidden():
+    teacher_m, learner_m = TEACHER_M.copy(), hidden(TEACHER_M, 5, 10)
+    teacher_m[60:390, ARMS["left"][1:]] = np.nan
+    assert told(learner_m, teacher_m=teacher_m).hints == told(learner_m).hints
+    assert [one.split(" from")[0] for one in told(learner_m).hints] == ["no person in the picture"]
+
+
+@pytest.mark.parametrize("intro_s", [0, 16, 80])
+def test_who_stands_still_is_told_so_however_long_the_teacher_stood_before(intro_s):
+    teacher_m = dance_joints_m(2, 16.0)
+
+    def after_standing(joints_m):
+        return np.concatenate([np.repeat(teacher_m[:1], round(intro_s * FPS), axis=0), joints_m])
+
+    for begin_s, cause in ((0, "late entry"), (4, "stood still")):
+        learner_m = noisy(after_standing(made.held(teacher_m, begin_s, begin_s + 6)), 0.02, 3)
+        (first, *_) = told(learner_m, teacher_m=after_standing(teacher_m)).moments
+        assert first.direction == cause and first.start_s == pytest.approx(intro_s + begin_s, abs=1.1), first
+        assert first.end_s == pytest.approx(intro_s + begin_s + 6, abs=0.6), first
+
+
+def test_nobody_dances_what_belongs_before_the_dance():
+    still_m = noisy(np.repeat(PHRASES_M[:1], round(6 * FPS), axis=0), 0.2, 1)  # waves about for six seconds, then dances
+    learner_m = np.concatenate([still_m, PHRASES_M])[: len(PHRASES_M)]
+    texts = [str(one.fault) for one in feedback(score_dance(performed(PHRASES_M), performed(learner_m))).moments]
+    assert "danced what belongs at 0:00" in texts and "danced what belongs at -0:02" not in texts, texts
