@@ -69,9 +69,14 @@ def open_stream(kind: str | None, port: int | None = None) -> Iterator[Stream | 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp:
 
         def send(packet: bytes, number: int = 0) -> None:
-            # No program listens yet, or all ports up to the last one are taken, some by people who have just left.
-            with contextlib.suppress(ConnectionRefusedError, ConnectionResetError, OverflowError):  # Windows says reset
-                udp.sendto(packet, (LOOPBACK, (port or PORTS[kind]) + number))
+            to = LOOPBACK, (port or PORTS[kind]) + number
+            try:
+                # No program listens yet, or all ports up to the last one are taken, some by people who have just left.
+                with contextlib.suppress(ConnectionRefusedError, ConnectionResetError, OverflowError):  # Windows says reset
+                    udp.sendto(packet, to)
+            except OSError as error:  # such as a firewall's
+                error.filename = "UDP to {}:{}".format(*to)
+                raise
 
         yield (_osc_sender if kind == "osc" else _vmc_sender)(send)
 

@@ -5,6 +5,7 @@ import json
 import socket
 import struct
 import sys
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -222,6 +223,15 @@ def test_vmc_holds_a_limb_that_is_hidden_and_keeps_ports(heard):
         assert heard_bones(heard[0].recv(65536))
     with open_stream("vmc", 65535) as stream:
         stream(Seen(0, 0.0, 10.0, [person(1), person(2)]))  # the second has no port
+
+
+def test_a_firewall_that_lets_nothing_through_is_told_with_the_port(monkeypatch):
+    def refused(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(socket, "socket", lambda *_: nullcontext(SimpleNamespace(sendto=refused)))
+    with open_stream("osc", 9123) as stream, pytest.raises(OSError, match=r"UDP to 127\.0\.0\.1:9123"):
+        stream(SEEN)
 
 
 def test_vmc_keeps_the_place_of_who_stays_in_view_for_long(heard):
