@@ -227,11 +227,12 @@ function phraseTable(found, dance, watch, practiseAt) {
 function latency(found) {
   if (found.latency_s === null || Math.abs(found.latency_s) < 0.03) return [];
   const total_s = clamp((found.taken_off_s ?? latencyOf(found.source) ?? 0) + found.latency_s, -1, 1); // of tries of before: today's
-  const told = el("span", { role: "status" });
+  const told = el("span", { role: "status", tabIndex: -1 });
   const button = el("button", { type: "button", id: "calibrate", onclick: () => {
     keepLatency(found.source, total_s);
     button.disabled = true;
     told.textContent = ` ${say("{time} are taken off from now on.", { time: milliseconds(total_s) })}`;
+    told.focus(); // a button that is disabled loses the keyboard's place
   } }, say("I was on time: take off {time}", { time: milliseconds(found.latency_s) }));
   return [el("p", {}, say("Camera, sound and screen delay what is scored."), " ", button, told, " ", el("a", { href: "#/calibrate" }, say("Measure it")))];
 }

@@ -96,6 +96,7 @@ test("a course goes from left to right over what was danced, better scores and l
 test("who was on time and late all the same takes that off beside what is taken off", async () => {
   await opened();
   get("calibrate").listeners.click();
+  assert.equal(document.activeElement.role, "status"); // the button is disabled now, and would lose the place
   assert.ok(Math.abs(latencyOf("realsense") - 0.15) < 1e-9);
   leave();
   for (const latency_s of [null, 0.02]) {
