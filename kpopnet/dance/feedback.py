@@ -238,10 +238,11 @@ def _unseen(score: DanceScore) -> Iterator[tuple[Said, float, float]]:
     """Who or what is not in the picture, and from when to when, in seconds."""
     coverage = {name: score.windows.coverage[name] for name in (*LIMBS, "torso")}
     missing = {name: values < UNSEEN_BELOW for name, values in coverage.items()}  # false for NaN
-    # What the teacher does not show at the time says nothing, and one limb that is missing is no person who is.
+    # What the teacher does not show at the time says nothing, and one limb that is missing is no person who is; but for
+    # Algorithm 3 as printed, which has no parts.
     absent = np.all([missing[name] | np.isnan(values) for name, values in coverage.items()], axis=0)
-    shown = sum(bool(np.isfinite(values).any()) for values in coverage.values())  # Algorithm 3 as printed has no parts
-    absent &= np.sum([*missing.values()], axis=0) >= max(min(shown, 2), 1)
+    has_parts = sum(np.isfinite(values).any() for values in coverage.values()) > 1
+    absent &= np.sum([*missing.values()], axis=0) >= (2 if has_parts else 1)
     subjects = {"no person in": absent}
     for kind in ("arm", "leg"):
         left, right = (missing[f"{side} {kind}"] & ~absent for side in ("left", "right"))
