@@ -4,11 +4,11 @@
     python tools/graded_learners.py data/graded/best_clips --dances 12 --mode best --clips PACK
     python tools/graded_learners.py data/graded/fresh --clips PACK --split test --people benchmark --seed 7
 
-Dances are those of `kpop_sim` of another seed, each learner is another person, of whom no network has learnt. A file holds the
-name of the motion, the teacher's joints, the learner's true ones, and what the image network and the fit to the depth say of
-every frame (`kpopnet.networks.over_time.Measured`), so that another estimate from these needs no new images. Finished files
-stay when it is run again; a folder takes those of one network, mode, seed, split, people and length. tools/measure_noise.py
-reads them. Run from the root of a checkout with `PYTHONPATH=.`.
+Dances are those of `kpop_sim` of another seed, each learner is another person, by default one of whom no network has learnt. A
+file holds the name of the motion, the teacher's joints, the learner's true ones, and what the image network and the fit to the
+depth say of every frame (`kpopnet.networks.over_time.Measured`), so that another estimate from these needs no new images.
+Finished files stay when it is run again; a folder takes those of one network, mode, seed, split, people and length.
+tools/measure_noise.py reads them. Run from the root of a checkout with `PYTHONPATH=.`.
 """
 
 import argparse
@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.camera import subsampled
+from kpopnet.dance.noise.table import SEEN_PEOPLE
 from kpopnet.data.made_sets import claim_folder
 from kpopnet.networks import PASSES, WEIGHTS
 from kpopnet.networks.estimator import NetworkEstimator
@@ -31,7 +32,6 @@ from kpopnet.weights import SHA256
 from synth.body.asset import load_body
 from synth.body.shape import SPLIT_RANGES, Person, draw_person
 from synth.dances.faults import KEPT_AMPLITUDE, amplitude
-from synth.dances.seen import PEOPLE_OF
 from synth.dances.simulate import BODY, FPS, KpopSim, KpopSimConfig, dance_name
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.skeleton import INDEX, LEG_M, PARENTS, Motion, forward_kinematics
@@ -106,7 +106,7 @@ def on_body(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
 class DancedBy(KpopSim):
     """`kpop_sim` whose teachers and learners are people of another split than its dances."""
 
-    people_of: str = PEOPLE_OF
+    people_of: str = SEEN_PEOPLE
 
     def _person(self, rng: np.random.Generator) -> Person:
         return draw_person(rng, BODY, self.people_of)
@@ -149,7 +149,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=len(ROUNDS), help="of learners, see ROUNDS: %(default)s")
     parser.add_argument("--seconds", type=float, default=12.0, help="least length of a dance: %(default)s")
     parser.add_argument("--split", choices=SPLITS, default="train", help="of dances: %(default)s")
-    parser.add_argument("--people", choices=SPLIT_RANGES, default=PEOPLE_OF, help="of which split they are: %(default)s")
+    parser.add_argument("--people", choices=SPLIT_RANGES, default=SEEN_PEOPLE, help="of which split they are: %(default)s")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--clips", help="a motion pack: recorded dances instead of composed ones")
     asked = "whom the network sees twice: everybody, or those whose confidence is low (%(default)s)"

@@ -18,7 +18,7 @@ import numpy as np
 from tqdm import tqdm
 
 from kpopnet.dance.feedback import feedback
-from kpopnet.dance.noise.table import SEEN
+from kpopnet.dance.noise.table import SEEN, SEEN_PEOPLE
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import DanceScore
 from kpopnet.data.made_sets import claim_folder
@@ -31,7 +31,6 @@ from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import NUM_JOINTS
 from kpopnet.weights import SHA256
 from synth.dances.live import LiveLearner
-from synth.dances.seen import PEOPLE_OF
 from synth.dances.taught import DANCES, Teacher, composed
 from tools.graded_learners import FAULTS, on_body
 from tools.measure_noise import against_truth, area, lesson_score
@@ -120,7 +119,7 @@ def main() -> None:
     given = parser.parse_args()
     weights = {name: digest for files in SHA256.values() for name, digest in files.items()}
     made_with = {"seconds": SECONDS, "stride": STRIDE, "passes": PASSES, "mode": "best"}
-    claim_folder(given.folder, "*.npz", made_with | {"people": given.people, "seen": PEOPLE_OF} | weights)
+    claim_folder(given.folder, "*.npz", made_with | {"people": given.people, "seen": SEEN_PEOPLE} | weights)
     estimator, learners = PoseEstimator.load(mode="best"), []
     dances = range(DANCES + given.dances[0], DANCES + given.dances[1])
     with tqdm(total=len(dances) * len(KINDS), unit="learner") as bar:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kpopnet.dance.noise.table import SEEN
+from kpopnet.dance.noise.table import SEEN, SEEN_PEOPLE
 from kpopnet.dance.performance import Performance, off_by, without_gaps
 from kpopnet.dance.scoring import check_free, check_weights
 from kpopnet.dance.words.moments import phrase_length_s
@@ -182,7 +182,8 @@ own depth (docs/dance_scoring.md)."""
 def _digest(dancers: Sequence[TaughtDance]) -> str:
     """Of the dancers' joints, of the network that sees them and its number of passes, for everybody, and of who dances them."""
     joints = b"".join(one.joints_m.tobytes() for one in dancers)
-    return hashlib.sha256(f"{SEEN_AS} {SHA256['joints'][WEIGHTS]} {PASSES} everybody validation".encode() + joints).hexdigest()
+    seen = f"{SEEN_AS} {SHA256['joints'][WEIGHTS]} {PASSES} everybody {SEEN_PEOPLE}"
+    return hashlib.sha256(seen.encode() + joints).hexdigest()
 
 
 class Library:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from kpopnet.camera import CAMERAS, Camera
+from kpopnet.dance.noise.table import SEEN_PEOPLE
 from kpopnet.estimator import Estimator
 from kpopnet.skeleton import Joint
 from synth.body.shape import BodyConfig, Person, draw_person
@@ -24,9 +25,6 @@ from synth.simulated.film import Studio, measure_frame
 
 PEOPLE, FPS = 8, 10.0
 """People who dance, and images of each a second. What more of both are worth: docs/ledger.md."""
-
-PEOPLE_OF = "validation"
-"""Split of the people: of those whom a network has learnt from its errors are smaller than of anybody else."""
 
 CAMERA, SENSOR = CAMERAS["kinect_v1"], SENSORS["kinect_v1"]
 
@@ -53,7 +51,7 @@ def common_errors_m(
         estimator.fps = FPS
     studio, motion, errors_m = Studio(CAMERA, "cpu"), motion_of(quats, hips_m, FPS), []
     for number in range(PEOPLE):
-        person = draw_person(np.random.default_rng([number, 4]), BodyConfig(), PEOPLE_OF)
+        person = draw_person(np.random.default_rng([number, 4]), BodyConfig(), SEEN_PEOPLE)
         depth_m, camera, true_m = _film(studio, person, motion, number)
         errors_m.append(carried_over(estimator.estimate(depth_m, camera).joints_camera_m - true_m, true_m, joints_m))
         on_person()

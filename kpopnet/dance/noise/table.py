@@ -46,6 +46,9 @@ SEEN = "_seen_teacher"
 """Ends the name of an estimator's noise against a teacher as the estimator sees them (`synth.dances.seen`), where what it is
 off of all who dance the same is no difference."""
 
+SEEN_PEOPLE = "validation"
+"""Split of the simulated people whom the estimator sees dance the teacher's dance: no network has learnt of them."""
+
 SEEN_BY = tuple(name.removesuffix(SEEN) for name in NOISE if name.endswith(SEEN))
 """Estimators of which this noise is known."""
 

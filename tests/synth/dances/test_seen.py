@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from programs import tool
 from scipy.spatial.transform import Rotation
 
+from kpopnet.dance.noise.table import SEEN_PEOPLE
 from kpopnet.estimator import Estimate
 from kpopnet.skeleton import Joint
 from kpopnet.teacher.library import TeacherBody
@@ -82,7 +83,7 @@ def test_the_people_are_none_of_whom_a_network_has_learnt(monkeypatch):
     movement = posed(JOINTS_M[:2], TeacherBody(**teacher_arrays()))
     seen.common_errors_m(JOINTS_M[:2], *movement, ShortArm(monkeypatch), TIMES_S[:2])
     assert splits == ["validation"] * 2
-    learners = tool("graded_learners").Learners("train", seen.PEOPLE_OF, 0, None, 4.0, "realtime").set
+    learners = tool("graded_learners").Learners("train", SEEN_PEOPLE, 0, None, 4.0, "realtime").set
     drawn, expected = (
         draw(np.random.default_rng(0)) for draw in (learners._person, lambda rng: draw_person(rng, BODY, "validation"))
     )
