@@ -109,9 +109,9 @@ def draw_mistakes(rng: np.random.Generator, seconds: float, per_minute: float) -
 def learn(teacher: Motion, strengths: Strengths, rng: np.random.Generator) -> tuple[Motion, list[Mistake]]:
     """A learner's motion, made from a teacher's of the same length, and the mistakes in it.
 
-    Each joint has a gain, within GAIN_RANGE: it is turned from standing by so many times the teacher's angle. With a gain above
-    1, or by the noise, it may exceed the joint's limits. The height of the learner above the floor equals the teacher's. The
-    feet may slide.
+    Each joint has a gain, within GAIN_RANGE: its angle from standing is the gain times the teacher's. With a gain above 1, or
+    by the noise, it may exceed the joint's limits. The height of the learner above the floor equals the teacher's. The feet may
+    slide.
     """
     seconds = np.arange(len(teacher)) / teacher.fps
     length_s = seconds[-1]
