@@ -316,6 +316,20 @@ def test_other_files_are_refused_in_one_line(tmp_path, file, message):
     assert "\n" not in str(error.value)
 
 
+def test_the_parent_of_a_shoulder_moves_the_arm_without_turning_it(tmp_path):
+    still, turned = [(0, *REST)], [(0, (0, 0, 0), (0.1, -0.2, 0.3, 0.927)), (9, (0, 0, 0), (0, 0, 0.6, 0.8))]
+    bent = {name: [(0, (0, 0, 0), (0.5, 0.1, 0.1, 0.854))] for name in ("左腕", "右腕")}
+    shrugged = read_performance(write_vmd(tmp_path / "a.vmd", bent | {"左肩P": turned, "右肩P": still}))
+    at_rest = read_performance(write_vmd(tmp_path / "b.vmd", bent | {"左肩": still, "右肩": still}))
+    arm = [Joint.LEFT_SHOULDER, Joint.LEFT_ELBOW, Joint.LEFT_HAND]
+    moved = shrugged.joints_m[:, arm] - at_rest.joints_m[:1, arm]
+    assert np.linalg.norm(moved[-1, 0]) > 0.05
+    np.testing.assert_allclose(moved, np.repeat(moved[:, :1], 3, axis=1), atol=1e-5)
+    own = read_performance(write_vmd(tmp_path / "c.vmd", bent | {"左肩": turned}))  # which turns the arm, too
+    far_m = np.linalg.norm(own.joints_m[:, arm] - shrugged.joints_m[:, arm], axis=-1)
+    assert far_m[:, 0].max() < 1e-5 and far_m[-1, 1:].min() > 0.1
+
+
 def test_feet_follow_the_parent_of_their_ik_bone_too(tmp_path):
     still, lifted, turned = [(0, *REST)], [(0, *REST), (60, (1, 4, -2), (0, 0, 0, 1))], [(0, (0, 0, 0), (0, 0.6, 0, 0.8))]
     keys = dict.fromkeys(("左腕", "右腕", "左足ＩＫ", "右足ＩＫ"), still)
