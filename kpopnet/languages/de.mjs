@@ -114,6 +114,7 @@ export default {
   "name": "Name",
   "Make it a lesson": "Als Lektion speichern",
   "Leave without saving your dance?": "Ohne Speichern verlassen? Dein Tanz geht verloren.",
+  "Record another dance without saving this one?": "Noch einen Tanz aufnehmen? Dieser ist nicht gespeichert und geht verloren.",
   "Stand so that the camera sees you from head to feet. {counts} counts lead in; dance, and press Stop (or the space bar).": "Stell dich so hin, dass die Kamera dich von Kopf bis Fuß sieht. Nach {counts} Zählzeiten geht es los; tanze und drücke Stopp (oder die Leertaste).",
   "camera": "Kamera",
   "there is no camera that could record you": "keine Kamera kann dich aufnehmen",

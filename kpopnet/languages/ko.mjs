@@ -114,6 +114,7 @@ export default {
   "name": "이름",
   "Make it a lesson": "레슨으로 만들기",
   "Leave without saving your dance?": "춤을 저장하지 않고 나갈까요?",
+  "Record another dance without saving this one?": "이 춤을 저장하지 않고 새로 녹화할까요?",
   "Stand so that the camera sees you from head to feet. {counts} counts lead in; dance, and press Stop (or the space bar).": "카메라에 머리부터 발까지 나오게 서세요. {counts}카운트 뒤에 춤을 추고, 정지(또는 스페이스)를 누르세요.",
   "camera": "카메라",
   "there is no camera that could record you": "녹화할 카메라가 없어요",

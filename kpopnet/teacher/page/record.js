@@ -95,6 +95,7 @@ export async function record(main) {
   }
 
   function begin() {
+    if (unsaved() && !globalThis.confirm(say("Record another dance without saving this one?"))) return;
     sound.wake();
     remember("source", source.value);
     Object.assign(state, { running: true, frames: [], start: 0 });

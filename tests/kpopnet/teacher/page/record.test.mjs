@@ -286,6 +286,19 @@ test("a dance that is not saved yet is not lost by a reload, a link or the Back 
   assert.ok(!kept(globalThis.onbeforeunload) && !link(false));
 });
 
+test("a dance that is not saved yet is not lost by recording another without a question", async () => {
+  const asked = [], again = (answer) => { globalThis.confirm = (text) => { asked.push(text); return answer; }; part("start").listeners.click(); };
+  await dance(12);
+  again(false); // this one is stopped
+  assert.deepEqual([asked.length, part("editor").hidden], [0, false]);
+  again(false);
+  assert.deepEqual([asked.length, part("editor").hidden, part("start").textContent, socket.sent.at(-1).do], [1, false, "Record", "stop"]);
+  assert.ok((await saved()).length > 10);
+  part("editor").hidden = false;
+  again(true);
+  assert.deepEqual([asked.length, part("editor").hidden, part("start").textContent, socket.sent.at(-1).do], [2, true, "Stop", "prepare"]);
+});
+
 test("who points and holds with a webcam lets go of it when the program has ended", async () => {
   remember("hands", true);
   const unwatch = watch({ identity: "d", seconds: 60 }, "webcam");
