@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from films import Films, Off
 from pose_results import results_of_errors
 from programs import tool
 
@@ -61,6 +62,16 @@ def test_a_joint_that_one_network_misses_is_a_miss_and_in_no_mean(networks) -> N
     found = compare_networks.compare(networks, {"depth": ["depth0"], "ridge": ["ridge0"]}, ["ridge-depth"])
     assert found["ridge"]["head"]["within_10cm"]["value"] == 0
     assert found["ridge-depth"]["head"]["mean_cm"]["value"] is None
+
+
+@pytest.mark.parametrize(("definition", "people", "judged"), [("markers", 2, True), (None, 2, False), ("markers", 1, False)])
+def test_the_labels_definition_is_judged_where_there_is_one_and_others_to_fit_it_on(monkeypatch, definition, people, judged):
+    monkeypatch.setattr(compare_networks, "NetworkEstimator", lambda run: Off())
+    films = Films()
+    films.label_definition = definition
+    films.identities = {name: f"s{number % people}" for number, name in enumerate(films.sequence_names())}
+    found = compare_networks.measured(films, {"depth": ["depth0"]}, [], processes=1)
+    assert ("in_label_definition" in found) is judged and found["units"] == people
 
 
 @pytest.mark.parametrize(("of_training", "of_person"), [(1.0, 0.2), (0.1, 1.0)])

@@ -164,7 +164,7 @@ def measured(benchmark: Benchmark, ways: dict[str, list[str]], pairs: list[str],
         raise InputError(f"{benchmark.name}: {', '.join(failed)} failed")
     resampled = run.about["resampled"]
     found = {"unit": resampled["units"], "units": resampled["count"], "raw": compare(run.results, ways, pairs)}
-    if hasattr(benchmark, "label_definition"):
+    if "in_label_definition" in run.metrics[run.main]:
         found["in_label_definition"] = compare(in_the_labels_definition(run.results), ways, pairs)
     return found
 
