@@ -6,8 +6,10 @@ from films import Films, Off
 from pose_results import results_of_errors
 from programs import tool
 
+from kpopnet.errors import InputError
 from kpopnet.evaluation.intervals import Bootstrap
 from kpopnet.evaluation.poses.metrics import PoseResults
+from kpopnet.evaluation.registry import BENCHMARKS, build_benchmark
 from kpopnet.skeleton import JOINT_GROUPS
 
 compare_networks = tool("compare_networks")
@@ -72,6 +74,16 @@ def test_the_labels_definition_is_judged_where_there_is_one_and_others_to_fit_it
     films.identities = {name: f"s{number % people}" for number, name in enumerate(films.sequence_names())}
     found = compare_networks.measured(films, {"depth": ["depth0"]}, [], processes=1)
     assert ("in_label_definition" in found) is judged and found["units"] == people
+
+
+@pytest.mark.parametrize("name", compare_networks.SETS)
+def test_a_set_that_can_be_chosen_needs_nothing_but_its_folder(name, tmp_path):
+    for file in ("seq_a_0.bin", "real01_1.cal.bin"):
+        (tmp_path / file).touch()
+    schema, _ = BENCHMARKS[name]
+    with pytest.raises(InputError, match=str(tmp_path)) as raised:
+        build_benchmark(schema(name=name, path=str(tmp_path)))
+    assert "needs benchmark." not in str(raised.value)
 
 
 @pytest.mark.parametrize(("of_training", "of_person"), [(1.0, 0.2), (0.1, 1.0)])

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
+from kpopnet.datasets.point_clouds import PointCloudConfig
 from kpopnet.datasets.protocol import Benchmark
 from kpopnet.errors import InputError
 from kpopnet.estimator import Estimator
@@ -34,6 +35,9 @@ from kpopnet.runtime.provenance import measured_by
 from kpopnet.skeleton import JOINT_GROUPS, NUM_JOINTS
 
 GROUPS = {"all": tuple(range(NUM_JOINTS)), **{name: tuple(map(int, joints)) for name, joints in JOINT_GROUPS.items()}}
+
+SETS = sorted(name for name, (schema, _) in BENCHMARKS.items() if name not in EVALUATIONS and schema is not PointCloudConfig)
+"""The benchmarks of one person, but those whose joints have ids, of which a map would have to be given."""
 
 
 def way(text: str) -> tuple[str, list[str]]:
@@ -190,7 +194,7 @@ def rounded(found: Any) -> Any:
 def program() -> None:
     """Command line, described in the module's docstring."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("benchmark", choices=sorted(BENCHMARKS.keys() - EVALUATIONS.keys()), help="name of the benchmark")
+    parser.add_argument("benchmark", choices=SETS, help="name of the benchmark")
     parser.add_argument("path", help="folder of its data")
     parser.add_argument("--way", type=way, action="append", required=True, help="NAME=RUN,RUN: trainings of several seeds")
     parser.add_argument("--pair", action="append", default=[], help="A-B: the difference of two ways")
