@@ -1,5 +1,7 @@
 """tools/compare_networks.py: figures and paired differences of ways to train, with trainings as the unit."""
 
+from argparse import ArgumentTypeError
+
 import numpy as np
 import pytest
 from films import Films, Off
@@ -74,6 +76,12 @@ def test_the_labels_definition_is_judged_where_there_is_one_and_others_to_fit_it
     films.identities = {name: f"s{number % people}" for number, name in enumerate(films.sequence_names())}
     found = compare_networks.measured(films, {"depth": ["depth0"]}, [], processes=1)
     assert ("in_label_definition" in found) is judged and found["units"] == people
+
+
+def test_a_training_is_one_of_those_of_a_way_once() -> None:
+    assert compare_networks.way("depth=a,b") == ("depth", ["a", "b"])
+    with pytest.raises(ArgumentTypeError, match="depth=a,b,a: names a training twice"):
+        compare_networks.way("depth=a,b,a")
 
 
 @pytest.mark.parametrize("name", compare_networks.SETS)

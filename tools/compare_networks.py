@@ -45,7 +45,10 @@ def way(text: str) -> tuple[str, list[str]]:
     name, _, runs = text.partition("=")
     if not name or not runs or "-" in name:
         raise argparse.ArgumentTypeError(f"{text}: expected NAME=RUN,RUN with a name without -")
-    return name, runs.split(",")
+    listed = runs.split(",")
+    if len(set(listed)) < len(listed):  # intervals would take it for two trainings
+        raise argparse.ArgumentTypeError(f"{text}: names a training twice")
+    return name, listed
 
 
 def check_pairs(pairs: list[str], ways: dict[str, list[str]]) -> None:
