@@ -106,7 +106,7 @@ class UtdMhadBenchmark:
         joints[..., 0] *= -1
         return Sequence(
             name=name,
-            identity="s" + re.findall(r"\d+", name)[1] if name.count("_") == 2 else "",
+            identity=named[1] if (named := re.fullmatch(r"a\d+_(s\d+)_t\d+", name)) else "",
             fps=30.0,
             camera=STORED_CAMERA.mirrored(),
             depth_m=np.ascontiguousarray(depth_m[:, :, ::-1]),

@@ -99,6 +99,12 @@ def test_absent_joints_are_nan_and_invisible_and_logged(tmp_path, caplog):
     assert (np.isnan(sequence.joints_camera_m).all(-1) == absent).all() and (sequence.visible == ~absent).all()
 
 
+@pytest.mark.parametrize("name", ["my_own_take", "a1_s_t1", "take"])
+def test_who_is_seen_in_a_recording_of_another_name_is_not_known(tmp_path, name):
+    write(tmp_path, name, depth_of(kinect_person(4)), kinect_person(4))
+    assert benchmark(tmp_path, lag=0).read(name).identity == ""
+
+
 def test_invalid_files_are_named(tmp_path):
     person = kinect_person(4)
     name = "a1_s1_t1"
