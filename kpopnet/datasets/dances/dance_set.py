@@ -32,6 +32,7 @@ from kpopnet.runtime.input_files import (
     check_names,
     expect,
     parse_json,
+    plain_name,
     read_json,
     read_text,
 )
@@ -200,9 +201,11 @@ class KpopSet:
             first = ", ".join(self.names[:5])
             raise InputError(f"dance={name}: not among the {len(self.names)} of {self.folder}: {first}, ...")
         folder = self.folder / name
-        learners = []
+        learners, files = [], {plain_name(file.name): file for file in folder.glob("*.h5")}
         for learner in read_labels(folder / LABELS) if self._ranked else learners_in(folder):
             path = folder / f"{learner}.h5"
+            if not path.is_file():  # an archive made by macOS may hold the letters of its name in parts
+                path = files.get(plain_name(path.name), path)
             if not path.is_file():
                 existing = sorted(file.stem for file in folder.glob("*.h5") if file.name != TEACHER)
                 raise InputError(f"{path}: missing, though {LABELS} ranks {learner}; there are {', '.join(existing) or 'none'}")

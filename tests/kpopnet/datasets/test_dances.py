@@ -1,6 +1,7 @@
 """The folder format of K-Pop sets: written files are read again, and invalid files are rejected."""
 
 import json
+import unicodedata
 from pathlib import Path
 
 import h5py
@@ -123,6 +124,16 @@ def test_labels_have_any_order_of_lines(folder):
     path = folder / "mama" / "labels.csv"
     path.write_text("learner, rank\njin, 2\n\nann , 1\n")
     assert read_labels(path) == ["ann", "jin"]
+
+
+@pytest.mark.parametrize(("of_file", "of_label"), [("NFD", "NFC"), ("NFC", "NFD")])
+def test_a_learner_is_found_whether_letters_are_whole_or_in_parts(folder, of_file, of_label):
+    """As of files from a Mac, beside labels that were written elsewhere: both look the same."""
+    file, label = (unicodedata.normalize(form, "지민") for form in (of_file, of_label))
+    dance = folder / "mama"
+    (dance / "ann.h5").rename(dance / f"{file}.h5")
+    write_labels(dance, ["jin", label])
+    assert [one.path.name for one in KpopSet(folder).dance("mama").learners] == ["jin.h5", f"{file}.h5"]
 
 
 def test_a_manifest_describes_the_set(folder):
