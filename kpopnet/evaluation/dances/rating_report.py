@@ -3,9 +3,10 @@
 import numpy as np
 
 from kpopnet.dance.scoring import SCORERS
-from kpopnet.datasets.dances.dance_set import LABELS, KpopSet, read_labels
+from kpopnet.datasets.dances.dance_set import LABELS, KpopSet, Learner, read_labels
 from kpopnet.datasets.dances.ratings import Answer
 from kpopnet.datasets.protocol import Origin
+from kpopnet.errors import InputError
 from kpopnet.evaluation.dances.ranking import TRUTH, similarities
 from kpopnet.evaluation.dances.raters import Estimate, against, alpha, consistency, mean_w, one_against_others, votes_of
 from kpopnet.evaluation.dances.run import run_dances
@@ -86,7 +87,7 @@ def scorers_signs(dances: KpopSet, seed: int, processes: int) -> tuple[str, dict
     labelled, the labels stand beside the scorers.
     """
     learners = {name: dances.dance(name).learners for name in dances.names}
-    known = all(one.joints() is not None for each in learners.values() for one in each)
+    known = all(_may_have_joints(one) for each in learners.values() for one in each)
     estimators = {} if known else {"best": BestConfig()}
     run = run_dances(dances, estimators, SCORERS, dances.folder / "poses", None, seed, processes)
     scores = {
@@ -103,3 +104,11 @@ def scorers_signs(dances: KpopSet, seed: int, processes: int) -> tuple[str, dict
         for scorer, by_dance in scores.items()
     }
     return run.main.source, signs, run.failed
+
+
+def _may_have_joints(learner: Learner) -> bool:
+    """False where there is no true joint; a dance with a file that cannot be read is left out, whatever its joints."""
+    try:
+        return learner.joints() is not None
+    except InputError:
+        return True

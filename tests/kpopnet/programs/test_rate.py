@@ -65,6 +65,17 @@ def test_the_report_and_the_ranks(made, run, tmp_path, monkeypatch):
     assert before == {name: (made / name / LABELS).read_bytes() for name in before}
 
 
+def test_a_dance_with_a_damaged_file_is_left_out_by_the_scorers_and_counts_for_the_raters(run, tmp_path, monkeypatch):
+    monkeypatch.setattr(kpopnet.programs.rate, "available_cores", lambda: 1)
+    write_set(tmp_path / "set")
+    (tmp_path / "set" / "dance_1" / "anna.h5").write_bytes(b"no joints")
+    write_ratings(ratings_path(tmp_path / "set", "eve"), answered(dict(list(DANCES.items())[:2]), "eve", by_skill))
+    text = run(tmp_path / "set", "--report", "--out", tmp_path / "out")
+    figures = json.loads((tmp_path / "out" / "ratings.json").read_text())
+    assert "2 of them compared completely" in text and "Left out by the scorers because of an error: dance_1: " in text
+    assert figures["joints"] == "truth" and figures["scorers"]["dance22"]["tau"]["dances"] == 1
+
+
 def test_learners_without_true_joints_are_shown_with_joints_by_the_network(tmp_path):
     joints_m, depth = dance_joints_m(0, seconds=0.1), PackedDepth(CAMERAS["kinect_v1"])
     for _ in joints_m:
