@@ -98,7 +98,7 @@ class Table:
         return "\n".join("  ".join(row) for row in padded)
 
     def markdown(self) -> str:
-        header, *rows = self.cells()
+        header, *rows = ([cell.replace("|", r"\|") for cell in row] for row in self.cells())
         rule = ["---", *["---:"] * (len(header) - 1)]
         return "\n".join("| " + " | ".join(row) + " |" for row in (header, rule, *rows))
 

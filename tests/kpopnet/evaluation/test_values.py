@@ -71,3 +71,7 @@ def test_text_and_markdown_are_aligned():
     lines = MIXED.text().splitlines()
     assert len(lines) == 3 and len({len(line) for line in lines}) == 1 and lines[2].startswith("error, mean ")
     assert MIXED.markdown().splitlines()[:2] == ["|  | a & b | c |", "| --- | ---: | ---: |"]
+
+
+def test_a_name_makes_no_column_of_markdown():
+    assert Table(["dance", "score"], [["a|b", 3]]).markdown().splitlines()[-1] == r"| a\|b | 3 |"
