@@ -87,7 +87,7 @@ def evaluate_dances(config: EvaluateConfig, folder: Path, see_teacher: SeeTeache
 def remarks(run: DanceRun) -> list[str]:
     """The set, the origin of learners and ranking, its size, and what else is needed to interpret the metrics."""
     manifest, scored = run.dances.manifest, len(run.names)
-    in_set, simulated = manifest.dances or len(run.dances), manifest.origin is Origin.SIMULATED
+    in_set, simulated = run.in_set, manifest.origin is Origin.SIMULATED
     ranking = "the simulated skill levels" if simulated else "the labels of the set"
     lines = [
         f"{manifest.name}: {manifest.origin.value.upper()} learners of {scored}{'' if scored == in_set else f' of {in_set}'} "
@@ -193,7 +193,7 @@ def dance_metrics(run: DanceRun) -> dict:
             "about": manifest.about,
             "hash": manifest.hash,
             "dances": len(run.names),
-            "dances_in_set": manifest.dances or len(run.dances),
+            "dances_in_set": run.in_set,
             "failed_dances": run.failed,
         },
         "estimators": sources,

@@ -74,6 +74,11 @@ class DanceRun:
         """The scored dances."""
         return list(self.scores[self.main])
 
+    @property
+    def in_set(self) -> int:
+        """The number of dances of the complete set: those that the manifest says, or more where some were added."""
+        return max(self.dances.manifest.dances or 0, len(self.dances))
+
 
 class ScoredDance(NamedTuple):
     """Scores of one dance by method, from sources of joints of all learners; frames and seconds of all, by estimator."""

@@ -25,6 +25,7 @@ from kpopnet.evaluation.dances.pose_cache import PoseCache
 from kpopnet.evaluation.dances.ranking import similarities
 from kpopnet.evaluation.dances.report import (
     agreement_table,
+    dance_metrics,
     evaluate_dances,
     learners_table,
     mean_error_cm,
@@ -168,6 +169,13 @@ def test_what_means_nothing_in_a_set_is_not_claimed_of_it_and_dances_without_lab
     assert "1 dances without labels.csv" in told
     assert set(found.agreements["truth", "dance22"].interval.values()) == {None}
     assert paired_table(found).rows[0][-1].value is None
+
+
+@pytest.mark.parametrize(("stated", "told"), [(5, "2 of 5 dances"), (1, "of 2 dances"), (-1, "of 2 dances")])
+def test_a_set_has_at_least_the_dances_that_are_there_whatever_its_manifest_says(folder, stated, told):
+    (folder / "manifest.json").write_text(json.dumps({"dances": stated}))
+    found = run(folder, {})
+    assert told in remarks(found)[0] and dance_metrics(found)["benchmark"]["dances_in_set"] == max(stated, 2)
 
 
 def test_the_cache_folder_depends_on_settings_and_on_all_files_of_a_model(tmp_path, fake):
