@@ -25,7 +25,7 @@ from kpopnet.evaluation.engine import Timed, device_of
 from kpopnet.evaluation.registry import build_estimators
 from kpopnet.networks import META
 from kpopnet.pose.person import PersonEstimator
-from kpopnet.runtime.atomic_write import write_npz
+from kpopnet.runtime.atomic_write import remove_unfinished, write_npz
 from kpopnet.runtime.input_files import ArraySchema, expect, read_npz
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -119,6 +119,7 @@ class PoseCache:
 
     def _store(self, path: Path, **arrays: Any) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
+        remove_unfinished(path.parent)  # of evaluations that were killed
         write_npz(path, **arrays)
 
 
