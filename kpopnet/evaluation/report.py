@@ -125,7 +125,7 @@ def write(report: Report, config: EvaluateConfig, folder: Path) -> None:
     )
     blocks = [report.title, *report.remarks, *report.blocks, Heading("How this report was made"), how]
     for place in (folder, folder / "tables"):
-        remove_unfinished(place, ".*.tmp")  # of this report's evaluations, which were killed
+        remove_unfinished(place, ".*.[0-9]*-[0-9]*.tmp")  # of this report's evaluations, which were killed
     write_text(folder / "report.md", as_markdown(blocks))
     write_text(folder / "report.html", as_html(blocks, folder))
     for name, table in _named_tables(blocks).items():

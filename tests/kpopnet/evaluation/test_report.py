@@ -54,10 +54,12 @@ def test_tables_become_files_named_by_the_heading_above(tmp_path):
 
 def test_old_figures_are_kept_until_the_new_ones_are_whole(tmp_path):
     (tmp_path / ".left.png.host.1-0.tmp").touch()  # of an evaluation that was killed
+    (tmp_path / ".notes.tmp").touch()  # of another program
     write(report("old"), CONFIG, tmp_path)
     with pytest.raises(ValueError, match="JSON"):  # which has no number for it
         write(report("other", metrics={"error": math.inf}), CONFIG, tmp_path)
-    assert "names" in json.loads((tmp_path / "metrics.json").read_text()) and len(list(tmp_path.iterdir())) == 4
+    assert "names" in json.loads((tmp_path / "metrics.json").read_text()) and len(list(tmp_path.iterdir())) == 5
+    assert [path.name for path in tmp_path.glob(".*")] == [".notes.tmp"]
 
 
 @dataclass
