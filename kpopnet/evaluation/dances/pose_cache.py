@@ -60,7 +60,9 @@ class PoseCache:
         self._estimate = Timed(self._estimator.estimate, device_of(self._estimator))
 
     def path(self, dance: Dance, learner: Learner) -> Path:
-        """Path of the cached poses of a learner."""
+        """Path of the cached poses of a learner; raises InputError if there is no depth to estimate them from."""
+        known = "a recording depth_mm; only its true joints can be scored (estimator=[])"
+        expect(learner.depth_key is not None, str(learner.path), known)
         parts = [dance.name, learner.name, learner.depth_key]
         if isinstance(self._estimator, PersonEstimator):
             parts.append(f"{_fps(learner):g}fps")

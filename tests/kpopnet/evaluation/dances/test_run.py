@@ -263,6 +263,15 @@ def test_settings_that_a_set_of_dances_cannot_have_are_refused(folder, tmp_path,
         evaluate_dances(config, tmp_path / "out")
 
 
+def test_a_learner_without_depth_is_named_with_what_can_be_scored(folder, fake):
+    with h5py.File(folder / "papa" / "bob.h5", "a") as file:
+        del file["depth_mm"], file.attrs["depth_key"]
+    reason = run(folder, {"fake": FakeConfig()}).failed["papa"]
+    assert reason == (
+        f"fake: {folder / 'papa' / 'bob.h5'}: expected a recording depth_mm; only its true joints can be scored (estimator=[])"
+    )
+
+
 def test_a_learner_without_true_joints_is_reported(folder, fake):
     with h5py.File(folder / "papa" / "bob.h5", "a") as file:
         del file["joints_m"]
