@@ -73,6 +73,13 @@ def test_the_name_of_a_benchmark_is_not_a_setting(place):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize("given", ["benchmark.joints={hed: 1}", "benchmark.joints.hed=1"])
+def test_a_joint_that_is_none_is_named_with_the_one_that_may_be_meant(place, given):
+    done = evaluate(place, "benchmark=eval", "benchmark.path=set", given, "hydra.run.dir=joints")
+    told = "error: benchmark.joints.hed: there is no such setting; did you mean benchmark.joints.head? --help lists them\n"
+    assert (done.returncode, done.stderr) == (1, told)
+
+
 def composed(*settings: str) -> EvaluateConfig:
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         return OmegaConf.to_object(compose("evaluate", list(settings)))

@@ -131,12 +131,14 @@ def _unknown_choice(error: MissingConfigException, folder: Path) -> Exception:
 
 def _unknown_setting(error: ConfigCompositionException, known: Iterable[str]) -> InputError | None:
     """What may have been meant, in the place of the class that lacks a setting; None for another mistake."""
-    found = re.match(r"Could not override '([\w.]+)'", str(error))
-    if not found or not isinstance(error.__cause__, ConfigKeyError | ConfigAttributeError):
+    found, cause = re.match(r"Could not override '([\w.]+)'", str(error)), error.__cause__
+    if not found or not isinstance(cause, ConfigKeyError | ConfigAttributeError):
         return None
-    near = difflib.get_close_matches(found[1], known, 1)
+    name = max(found[1], cause.full_key or "", key=len)  # a value in braces has names of its own
+    beside = [f"{name.rpartition('.')[0]}.{one}" for one in cause.parent_node or () if "." in name]
+    near = difflib.get_close_matches(name, [*known, *beside], 1)
     hint = f"did you mean {near[0]}? " if near else ""
-    return InputError(f"{found[1]}: there is no such setting; {hint}--help lists them")
+    return InputError(f"{name}: there is no such setting; {hint}--help lists them")
 
 
 def _config_name(given: list[str], schemas: Mapping[str, Any]) -> str:
