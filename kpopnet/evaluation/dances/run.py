@@ -22,6 +22,8 @@ from kpopnet.evaluation.dances.pose_cache import PoseCache, SeeTeacher
 from kpopnet.evaluation.dances.ranking import TRUTH, Agreement, LearnerScore, agreement, similarities
 from kpopnet.evaluation.engine import stage
 from kpopnet.evaluation.poses.metrics import joint_errors_m, mean_error_m
+from kpopnet.evaluation.registry import BestConfig
+from kpopnet.evaluation.report import future_remark
 from kpopnet.evaluation.values import plain
 from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.skeleton import Joint
@@ -52,7 +54,8 @@ class DanceRun:
     agreements: dict[Method, Agreement]  # with the experts
     fps: dict[str, float]  # of the estimation, by the estimator's name
     failed: dict[str, str]  # the error message of each dance that was left out, by its name
-    assumptions: list[str]  # sentences for the report about changed settings, borrowed noise and missing true joints
+    # sentences for the report about changed settings, borrowed noise, a look at the future and missing true joints
+    assumptions: list[str]
     chosen: int  # number of dances that were to be scored, including the failed ones
 
     @property
@@ -163,6 +166,7 @@ def run_dances(
         others = [name for name in NOISE.keys() & caches if getattr(estimators[name], "checkpoint", None) is not None]
         told = "runs a given checkpoint, but what is taken out of its scores are the errors of the package's network."
         assumptions += [f"{name} {told}" for name in sorted(others)]
+    assumptions += future_remark([name for name, one in estimators.items() if isinstance(one, BestConfig)])
     scores = {method: {name: one.scores[method] for name, one in scored.items()} for method in methods}
     agreements = {
         method: agreement({name: similarities(learners) for name, learners in by_dance.items()}, seed)

@@ -225,6 +225,12 @@ def test_trackers_do_not_wait_for_the_y_pose(folder, monkeypatch):
     assert [config.start for config in built] == ["auto"] and any("start=auto" in line for line in found.assumptions)
 
 
+def test_an_estimator_that_sees_the_future_is_named(folder, monkeypatch):
+    monkeypatch.setattr(pose_cache, "build_estimators", lambda one: dict.fromkeys(one, Fake(FakeConfig())))
+    found = run(folder, {"realtime": RealtimeConfig(), "mine": BestConfig()}, count=1)
+    assert "mine: uses images after the one it answers for; the other estimators do not." in remarks(found)
+
+
 @pytest.mark.parametrize(("checkpoint", "noise", "told"), [("mine", "auto", 1), (None, "auto", 0), ("mine", "none", 0)])
 def test_it_is_said_that_the_noise_of_another_checkpoint_is_not_its_own(folder, monkeypatch, checkpoint, noise, told):
     monkeypatch.setattr(pose_cache, "build_estimators", lambda one: {"network": Fake(FakeConfig())})
