@@ -9,7 +9,7 @@ r"""Evaluates estimators on a benchmark and writes a report.
 
 The run's folder (outputs/evaluate/BENCHMARK-DATE_TIME) gets metrics.json, report.html, report.md, figures and the
 worst sequences in 3D. The training set's mean pose is always judged beside a network, to show what the network is worth, but
-for dances, of which it knows nothing.
+for dances, of which it knows nothing, and several people, whom it cannot find.
 processes=0 evaluates on all cores; sequences=4 is a quick test.
 
 Who finds the people in raw rooms:
