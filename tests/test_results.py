@@ -6,6 +6,8 @@ import re
 import pytest
 from programs import ROOT, tool
 
+from kpopnet.errors import InputError
+
 results = tool("results")
 ROWS = results.rows()
 FILES = sorted(results.RESULTS.glob("**/*.json"))
@@ -24,6 +26,34 @@ def test_every_row_says_how_when_and_where_it_was_made():
         if origin == "simulated":
             seed = benchmark["seed"] if "seed" in benchmark else re.search(r"seed (\d+)", benchmark["about"])[1]
             assert f"seed={seed} " in " ".join(made["commands"])
+
+
+@pytest.mark.parametrize("changed", [None, "docs", "kpopnet"])
+def test_a_row_names_the_commit_of_the_code_that_was_measured(tmp_path, monkeypatch, changed):
+    """Whatever is committed while its commands run, which may take hours."""
+
+    def git(*words):
+        return results.subprocess.run(["git", *words], cwd=tmp_path, check=True, capture_output=True, text=True).stdout.strip()
+
+    for name in (*results.CODE, "docs", "results", "outputs/results/row"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "file").touch()
+    (tmp_path / "outputs/results/row/metrics.json").write_text('{"benchmark": {}, "estimators": {}}')
+    for words in (("init", "-q"), ("config", "user.name", "me"), ("config", "user.email", "me"), ("add", ".")):
+        git(*words)
+    git("commit", "-qm", "before")
+    begun = git("rev-parse", "--short=12", "HEAD")
+    commands = [f"cp results/file.py {changed}", "git add .", "git commit -qm during"] if changed else []
+    (tmp_path / "results" / "file.py").touch()
+    monkeypatch.setattr(results, "ROOT", tmp_path)
+    monkeypatch.setattr(results, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(results, "rows", lambda: {"row": {"commands": commands}})
+    if changed == "kpopnet":
+        with pytest.raises(InputError, match="row: kpopnet, synth or configs changed while it was measured"):
+            results.make("row")
+    else:
+        results.make("row")
+        assert results.load("row")["commit"] == begun
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

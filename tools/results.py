@@ -38,6 +38,9 @@ PAGES = tuple(ROOT / name for name in ("README.md", "docs/results.md", "docs/com
 ALSO = (ROOT / "docs/trackers.md", ROOT / "docs/paper.md")
 """Pages some of whose figures name a file."""
 
+CODE = ("kpopnet", "synth", "configs")
+"""What figures depend on: the commit that a row names has it."""
+
 BLOCK = re.compile(r"(<!-- results: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 REFERENCE = re.compile(r"((?:(?<=[\s(\[])-)?\b\d+(?:\.\d+)?)((?: (?:%|cm|points))?)<!-- ([\w./:, -]+:[\w./:, -]+) -->")
 """A figure, its unit, and the number of a file that it shows."""
@@ -57,16 +60,17 @@ def make(name: str) -> None:
     known = rows()
     if name not in known:
         raise InputError(f"{name}: no row of {RESULTS / 'rows.toml'}, which has {', '.join(known)}")
-    code = ["git", "status", "--porcelain", "kpopnet", "synth", "configs"]
-    if subprocess.run(code, cwd=ROOT, check=True, capture_output=True).stdout:
+    if _git("status", "--porcelain", *CODE):
         raise InputError(f"{ROOT}: kpopnet, synth or configs have changes that are not committed: no commit names this code")
+    commit = _git("rev-parse", "--short=12", "HEAD")
     for command in known[name]["commands"]:
         words = shlex.split(command)
         print("$", command, flush=True)
         if subprocess.run([sys.executable, *words[1:]] if words[0] == "python" else words, cwd=ROOT, check=False).returncode:
             raise InputError(f"{name}: a command of it failed, see above; data that it names in ../shared: docs/datasets.md")
     metrics = json.loads((ROOT / "outputs/results" / name / "metrics.json").read_text())
-    commit = subprocess.run(["git", "rev-parse", "--short=12", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True)
+    if _git("diff", "--name-only", commit, "--", *CODE):
+        raise InputError(f"{name}: kpopnet, synth or configs changed while it was measured: no commit names this code")
     # Films of several people have figures by kind of scene, which are few: all are kept.
     resampled, estimators = metrics["benchmark"].get("resampled"), metrics["estimators"]
     if resampled is not None:
@@ -74,13 +78,17 @@ def make(name: str) -> None:
     found = {
         "row": name,
         "commands": known[name]["commands"],
-        "commit": commit.stdout.strip(),
+        "commit": commit,
         "date": datetime.now(UTC).date().isoformat(),
         "machine": machine()["processor"],
         "benchmark": metrics["benchmark"],
         "estimators": estimators,
     }
     write_json(RESULTS / f"{name}.json", found)
+
+
+def _git(*words: str) -> str:
+    return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
 
 
 def _kept(metrics: dict, by_person: bool) -> dict:
