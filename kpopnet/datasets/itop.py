@@ -145,6 +145,7 @@ class ItopBenchmark:
         labelled = np.asarray(np.isfinite(joints_m).all(axis=-1))
         if invalid := int((~labelled[valid]).sum()):
             log.warning("%s: left out %d labels of valid frames that are not finite", name, invalid)
+            joints_m[~labelled] = np.nan  # an infinite one would be a joint that no estimator finds
         with open_hdf5(self._depth, DEPTH) as file:
             stored = stored_array(file, "data")[rows]
         return Sequence(

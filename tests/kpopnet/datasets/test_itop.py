@@ -70,7 +70,7 @@ def test_unchecked_labels_are_unknown_and_hidden_joints_not_visible(tmp_path):
     visible = np.ones((5, 15))
     visible[0, Joint.LEFT_HAND] = 0
     joints = np.stack([pose(frame) for frame in range(5)])
-    joints[2, Joint.HEAD] = np.nan
+    joints[2, Joint.HEAD], joints[3, Joint.NECK, 0] = np.nan, np.inf
     write(tmp_path, valid=np.array([1, 0, 1, 1, 1]), visible=visible, joints_m=joints)
     itop = benchmark(tmp_path)
     sequence = itop.read("00_00007")
@@ -78,6 +78,7 @@ def test_unchecked_labels_are_unknown_and_hidden_joints_not_visible(tmp_path):
     assert not labelled[1].any() and labelled[0].all() and not labelled[2, Joint.HEAD] and labelled.sum() == 29
     assert not sequence.visible[0, Joint.LEFT_HAND] and sequence.visible.sum() == 28
     assert sequence.depth_m[1].any() and "4 of 5 frames" in itop.about
+    assert np.isnan(itop.read("01_00000").joints_camera_m[0, Joint.NECK]).all()
 
 
 @settings(max_examples=30, deadline=None)
