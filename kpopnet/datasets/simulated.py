@@ -125,7 +125,7 @@ class SimulatedSet:
             raise InputError(f"{error}; make the set again") from error
         if manifest["benchmark"] != config.name:
             raise InputError(f"{self.folder}: holds {manifest['benchmark']}, not {config.name}")
-        found = [path.stem for path in self.folder.glob("*.h5")]
+        found = [path.stem for path in self.folder.glob("[!.]*.h5")]
         check_names(str(self.folder), found)
         self.names = sorted(found, key=lambda name: (int((re.findall(r"\d+", name) or "0")[-1]), name))
         if not self.names:

@@ -85,7 +85,7 @@ class UtdMhadBenchmark:
     def __init__(self, config: UtdMhadConfig) -> None:
         """Lists the sequences; raises InputError if there are none."""
         self.folder, self.lag = config.folder("the folder that holds Depth/ and Skeleton/"), config.lag
-        names = [path.name.removesuffix("_depth.mat") for path in self.folder.glob("Depth/*_depth.mat")]
+        names = [path.name.removesuffix("_depth.mat") for path in self.folder.glob("Depth/[!.]*_depth.mat")]
         expect(bool(names), str(self.folder), "Depth/*_depth.mat in it, as in the folder of UTD-MHAD")
         check_names(str(self.folder), names)
         self._names = sorted(names, key=lambda name: [int(digits) for digits in re.findall(r"\d+", name)])

@@ -108,6 +108,7 @@ def test_another_set_is_refused(folder, changes, message):
 
 def test_an_unfinished_set_is_reported_and_a_missing_one_refused(folder, caplog, tmp_path_factory):
     write_simulated(folder, "smmc10_sim", {}, sequences=8)
+    (folder / "._seq_00.h5").write_bytes(b"what macOS writes beside a file")
     with caplog.at_level(logging.WARNING):
         benchmark(folder)
     assert "only 3 of its 8 sequences exist" in caplog.text

@@ -68,6 +68,7 @@ def test_the_person_is_mirrored_back_and_every_joint_lies_on_its_pixels(tmp_path
     person = kinect_person(FRAMES)
     for name in ("a10_s1_t1", "a3_s12_t10", "a3_s12_t1", "a3_s12_t9"):
         write(tmp_path, name, depth_of(person), person)
+    (tmp_path / "Depth" / "._a3_s12_t1_depth.mat").write_bytes(b"what macOS writes beside a file")
     found = benchmark(tmp_path, lag=0)
     assert found.sequence_names() == ["a3_s12_t1", "a3_s12_t9", "a3_s12_t10", "a10_s1_t1"]
     sequence = found.read("a3_s12_t1")
