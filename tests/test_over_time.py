@@ -5,10 +5,12 @@ import re
 
 import numpy as np
 import pytest
+import torch
 from programs import run_program
 
 from kpopnet.networks.over_time import Measured
-from tools.over_time import report
+from kpopnet.skeleton import Joint
+from tools.over_time import loss_of, report
 
 
 def write_film(folder, number, noise_m=0.03, frames=64):
@@ -37,6 +39,17 @@ def test_the_interval_of_a_difference_counts_the_films_that_show_it(capsys):
     assert mean == 2 and 3.2 < high - low < 4
     assert difference([(20.0, 2), (30.0, 1), *none], [(4.0, 2), (5.0, 1), *none]) == "+13.67"
     assert difference(none, none) == "+nan"
+
+
+def test_directions_that_stay_off_cost_more_than_those_that_change():
+    """A score of a dance averages changing errors out, and grades lasting ones."""
+    true_m = torch.from_numpy(np.random.default_rng(0).uniform(-0.5, 0.5, (1, 1, 15, 3))).repeat(1, 16, 1, 1)
+    error_m = torch.zeros(1, 16, 15, 3)
+    error_m[:, :, Joint.LEFT_HAND] = 0.02
+    changing_m = error_m * torch.tensor([1.0, -1.0]).repeat(8)[:, None, None]
+    unsure, apart_s = torch.zeros(1, 16, 15), torch.full((1, 16), 9.0)  # too far apart for the error of speeds
+    lasting, changing, none = (float(loss_of(true_m + one, unsure, true_m, apart_s)) for one in (error_m, changing_m, 0))
+    assert lasting - none > 2 * (changing - none) > 0
 
 
 @pytest.mark.parametrize("form", [(), ("--future",)], ids=["causal", "future"])

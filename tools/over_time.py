@@ -33,6 +33,8 @@ EPOCHS, PASSES, SEED = 40, 3, 0
 """How often all films are varied anew, and how often the pieces of an epoch are learned from."""
 
 PIECE, BATCH_SIZE = 16, 32  # frames of a piece, and pieces a step
+LASTING = 40.0
+"""Weight of the mean error of directions over a piece: what lasts for half a second, no score of a dance averages out."""
 HIDDEN, LR = 48, 5e-3
 """Width of both hidden layers, and the peak learning rate, whose cycle spans the epochs."""
 
@@ -118,17 +120,21 @@ def answer(network: nn.Module, points_m: Tensor, differences_m: Tensor, seen: Te
 
 
 def loss_of(joints_m: Tensor, logits: Tensor, true_m: Tensor, steps_s: Tensor) -> Tensor:
-    """Of (N, T, 15, 3) joints: centimetres, directions of bones, centimetres from frame to frame, and the confidence."""
+    """Of (N, T, 15, 3) joints: centimetres, directions of bones, in each frame and in the mean over all T, centimetres from
+    frame to frame, and the confidence.
+    """
     error_m = (joints_m - true_m).norm(dim=-1)
     joint = nn.functional.smooth_l1_loss(100 * error_m, torch.zeros_like(error_m), beta=3.0)
     bones, true_bones = (
         nn.functional.normalize(one[..., BONE_CHILDREN, :] - one[..., BONE_PARENTS, :], dim=-1) for one in (joints_m, true_m)
     )
+    turned = bones - true_bones
     near = (steps_s[:, 1:] < 0.12).float()[..., None]
     moved_m, true_moved_m = (one[:, 1:] - one[:, :-1] for one in (joints_m, true_m))
     speed = (100 * (moved_m - true_moved_m).norm(dim=-1) * near).mean()
     sure = nn.functional.binary_cross_entropy_with_logits(logits, (error_m < 0.1).float())
-    return joint + 3 * (bones - true_bones).norm(dim=-1).mean() + speed + 0.3 * sure
+    directions = 3 * turned.norm(dim=-1).mean() + LASTING * turned.mean(dim=1).norm(dim=-1).mean()
+    return joint + directions + speed + 0.3 * sure
 
 
 def trained(films: list[dict[str, np.ndarray]], future: bool, epochs: int) -> dict[str, np.ndarray]:
@@ -171,7 +177,9 @@ def figures(joints_m: np.ndarray, film: dict[str, np.ndarray]) -> dict[str, tupl
     moving = (fast > FAST_M_S[0]) & (fast < FAST_M_S[1]) & (error_m[:, HANDS] < 0.25)
     behind_s = -((joints_m - true_m)[:, HANDS] * hand_m_s).sum(axis=-1) / np.maximum(fast, FAST_M_S[0]) ** 2
     bones, true_bones = (one[:, BONE_CHILDREN] - one[:, BONE_PARENTS] for one in (joints_m, true_m))
-    cosine = (bones * true_bones).sum(-1) / np.linalg.norm(bones, axis=-1) / np.linalg.norm(true_bones, axis=-1)
+    lengths_m, true_lengths_m = (np.linalg.norm(one, axis=-1, keepdims=True) for one in (bones, true_bones))
+    turned = bones / lengths_m - true_bones / true_lengths_m
+    lasting = turned[: len(turned) // PIECE * PIECE].reshape(-1, PIECE, *turned.shape[1:]).mean(axis=1)
     at_rest, jitter_mm2 = rest(joints_m, film, near)
 
     def mean_of(values: np.ndarray) -> tuple[float, float]:
@@ -186,8 +194,9 @@ def figures(joints_m: np.ndarray, film: dict[str, np.ndarray]) -> dict[str, tupl
         "core at rest, mm RMS": mean_of(jitter_mm2[:, CORE][at_rest[:, CORE]]),
         "hands and feet at rest, mm RMS": mean_of(jitter_mm2[:, ENDS][at_rest[:, ENDS]]),
         "hands at 2 m/s, ms behind": mean_of(1000 * behind_s[moving]),
-        "bones, degrees": mean_of(np.degrees(np.arccos(np.clip(cosine, -1, 1)))),
-        "spread of bone lengths, cm": mean_of(100 * np.linalg.norm(bones, axis=-1).std(axis=0)),
+        "bones, degrees": mean_of(np.degrees(np.linalg.norm(turned, axis=-1))),
+        "bones in the mean over half a second, degrees": mean_of(np.degrees(np.linalg.norm(lasting, axis=-1))),
+        "spread of bone lengths, cm": mean_of(100 * lengths_m[..., 0].std(axis=0)),
     }
 
 

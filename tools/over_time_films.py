@@ -1,7 +1,7 @@
 """Makes what a network and the fit say of SIMULATED films, for tools/over_time.py: joints and confidences, no depth.
 
     python tools/over_time_films.py data/over_time/train --split train --films 400 --clips PACK
-    python tools/over_time_films.py data/over_time/fresh --split benchmark --films 40 --clips PACK
+    python tools/over_time_films.py data/over_time/fresh --split validation --films 40 --clips PACK
 
 Films of seven seconds, each of another person: a rest and a composed dance, or a recording (every third film, given
 --clips). In a third of the training films a part of the person is hidden for a while. Finished films stay when it is run again;
@@ -50,7 +50,7 @@ class Films:
     """Makes film k from the seed, the split and k."""
 
     def __init__(self, seed: int, split: str, clips: str | None, checkpoint: Path | None) -> None:
-        self.seed, self.split = (0x46696C6D, seed, ("train", "benchmark").index(split)), split
+        self.seed, self.split = (0x46696C6D, seed, ("train", "benchmark", "validation").index(split)), split
         source = None if clips is None else MotionConfig(source="clips", path=clips)
         self.recordings = source and build_motion(source, "train" if split == "train" else "validation")
         self.studio, self.network = Studio(CAMERAS["eval"], "cpu"), NetworkEstimator(checkpoint)
@@ -148,7 +148,7 @@ def _digest(checkpoint: Path | None) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--split", choices=("train", "benchmark"), default="train", help="people and clothes: %(default)s")
+    parser.add_argument("--split", choices=("train", "validation", "benchmark"), default="train", help="%(default)s")
     parser.add_argument("--films", type=int, default=40, help="how many: %(default)s")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--clips", help="a motion pack, of which the train or the validation split is taken")

@@ -36,8 +36,8 @@ SHA256: dict[str, dict[str, str]] = {
         "masks_graph.onnx": "f323daa4a4c2106394da52162ebf8cac60d8b4234e642ccb36844333203f87ce",
     },
     "over_time": {
-        "over_time_causal.safetensors": "d574441d1a9e01dcc69b824c90c7d2911c3d14adc39f5a0d4be2cff62aad25f5",
-        "over_time_future.safetensors": "ec1eaecb7341b35524034d4ea02bf0cee35dbef29b3e6bc310d02b51493ab554",
+        "over_time_causal.safetensors": "5fd8a1aa9101f74f15f1d2fd0d1aaed408ded538ebdc27fff0604cdd01f5ce79",
+        "over_time_future.safetensors": "78eca08aa20a7779b11a6f88b3b99d74e2393b5f2ad4df9fbe7046beb2234948",
     },
     "lifting": {
         "lifting.safetensors": "ef34f4f56a118bfb550c02e7ce9db32579dddccc146057467271622950ad81bc",
