@@ -2,7 +2,7 @@
 
     python examples/recordings_to_score.py teacher.npz learner.npz
 
-Each file is an .npz, .bvh, .glb or another that docs/dance_scoring.md describes. `kpopnet predict` writes them from depth.
+Each file is an .npz, .bvh, .glb or another that docs/joint_files.md describes. `kpopnet predict` writes them from depth.
 """
 
 import argparse

@@ -214,7 +214,7 @@ def test_what_the_pages_say_of_a_format_names_all_that_is_read() -> None:
     for suffix in (*opening.READERS, *opening.WITH_NAMES, *CAMERAS):
         assert f"`{suffix}`" in PAGES["predicting.md"], suffix
     for suffix in JOINT_SUFFIXES:
-        assert f"`{suffix}`" in PAGES["dance_scoring.md"], suffix
+        assert f"`{suffix}`" in PAGES["joint_files.md"], suffix
     for key in (*dance_set.SCHEMA.attributes, *dance_set.SCHEMA.arrays):
         assert f"| `{key}` |" in PAGES["kpop_format.md"], key
     for field in fields(dance_set.Manifest):
@@ -257,10 +257,13 @@ def told_limits() -> list[tuple[str, str]]:
         ("kpop_format.md", f"take {DEFAULT_BUDGET_GB:g} GB of memory (`{BUDGET_VARIABLE}`)"),
         ("dance_scoring.md", f"less than {moments.MIN_POINTS:g} points of a phrase of {moments.PHRASE_S:g} s"),
         ("dance_scoring.md", f"{moments.MIN_ERROR_DEG:g} degrees or {moments.MIN_DELAY_S:g} s is not mentioned"),
-        ("dance_scoring.md", f"gains {diagnosis.MIN_GAIN:g} points or more and reaches {diagnosis.MIN_CORRECTED:g}."),
-        ("dance_scoring.md", f"gains {diagnosis.SURE_GAIN:g} points or more"),
-        ("dance_scoring.md", f"off by {late_s:g} s or more (up to {diagnosis.SEARCH_S:g} s"),
-        *(("dance_scoring.md", f"| `{name}` | {one.alpha:g} | {one.beta:g} | {one.tau:g} |") for name, one in SCORERS.items()),
+        ("joint_files.md", f"gains {diagnosis.MIN_GAIN:g} points or more and reaches {diagnosis.MIN_CORRECTED:g}."),
+        ("joint_files.md", f"gains {diagnosis.SURE_GAIN:g} points or more"),
+        ("joint_files.md", f"off by {late_s:g} s or more (up to {diagnosis.SEARCH_S:g} s"),
+        *(
+            ("learning_the_score.md", f"| `{name}` | {one.alpha:g} | {one.beta:g} | {one.tau:g} |")
+            for name, one in SCORERS.items()
+        ),
         ("check.md", f"at least {watched.IN_VIEW_M2:g} m2 of surface that is {100 * watched.NEARER_M:g} cm or more"),
         ("check.md", f"empty with less than {watched.EMPTY_M2:g} m2"),
     ]

@@ -97,7 +97,7 @@ def test_table_1_and_a_second_estimator_of_a_kind_can_be_given():
 
 
 def test_the_scorers_of_the_documentation_can_be_given():
-    given = re.findall(r"`([^`\n]*scorer[.=][^`\n]*)`", (ROOT / "docs" / "dance_scoring.md").read_text())
+    given = re.findall(r"`([^`\n]*scorer[.=][^`\n]*)`", (ROOT / "docs" / "learning_the_score.md").read_text())
     scorers = [composed("estimator=[]", *shlex.split(one)).scorer for one in given]
     expected = [{"paper": replace(SCORERS["paper"], beta=1)}, {"raptis": SCORERS["raptis"]}]
     assert scorers == [*expected, {"dance22": replace(SCORERS["dance22"], beta=2)}]

@@ -1,8 +1,8 @@
 """The paper's scorer: Eqs. (13) to (15) with a weighted norm, matched with the paper's steps wherever a window fits best.
 
-docs/dance_scoring.md lists what it adds to the equations, which leave it open, and what each addition is worth. What is missing
-is left out: missing angles count as the others on average, and a window in which less than half of the matched frames could be
-compared is excluded.
+docs/learning_the_score.md lists what it adds to the equations, which leave it open, and what each addition is worth. What is
+missing is left out: missing angles count as the others on average, and a window in which less than half of the matched frames
+could be compared is excluded.
 """
 
 import math

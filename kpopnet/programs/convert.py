@@ -8,7 +8,7 @@ Learners are named from the best to the worst: their order becomes the labels. T
 
     python evaluate.py benchmark=kpop benchmark.path=OUT 'estimator=[]'
 
-Recordings are files of any format that `kpopnet score` reads (docs/dance_scoring.md): BVH, CSV, JSON, npz. The unit (metres,
+Recordings are files of any format that `kpopnet score` reads (docs/joint_files.md): BVH, CSV, JSON, npz. The unit (metres,
 centimetres or millimetres) and the vertical axis are inferred from the dancer's trunk. Every dancer is rotated about the
 vertical axis to face the camera on average over the first twentieth of the frames.
 

@@ -25,7 +25,7 @@ The paper's figures and Table 1, on simulated EVAL:
     python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker,paper_tracker_depth,paper_tracker_repaired]'    # Fig. 10
     python evaluate.py benchmark=eval_sim 'estimator=[paper_tracker_repaired]' sweep=table1         # Table 1
 
-Its Table 2, dance scores against experts' order, on simulated dances (docs/dance_scoring.md):
+Its Table 2, dance scores against experts' order, on simulated dances (docs/learning_the_score.md):
 
     python evaluate.py benchmark=kpop_sim 'estimator=[]'                                            # true joints alone
     python evaluate.py benchmark=kpop_sim 'estimator=[tracker,network]' checkpoint=outputs/train/RUN/best

@@ -3,7 +3,7 @@
     kpopnet score teacher.bvh learner.bvh
     kpopnet score teacher.csv learner.csv --learner-fps 30 --out outputs/score/ann
 
-Files are .npz, .bvh, .glb or others; docs/dance_scoring.md says what they hold. Time zero is the same instant of the music
+Files are .npz, .bvh, .glb or others; docs/joint_files.md says what they hold. Time zero is the same instant of the music
 in both; times since 1970 count from the file's first frame. A mirrored dance, swapped sides, left-handed axes, a clock that
 is a second or more off and a wrong frame rate are corrected where that gains 30 points or more, and both scores are printed;
 what may be the dancer's own fault, such as 0.3 s of delay, never is. The program prints the score and what to mend, phrase by

@@ -176,7 +176,7 @@ _SEEN_SCHEMA = {"errors_m": ArraySchema("f", ("D", "T", NUM_JOINTS, 3)), "of": A
 SHOWN_BY, SEEN_AS = "realtime", "network"
 """Whose errors those of lessons by depth camera are, in mode best without later images; and whose joints are graded beside a
 teacher as they are seen: its network's alone, which err more like each other than those that the fit has moved to each person's
-own depth (docs/dance_scoring.md)."""
+own depth (docs/learning_the_score.md)."""
 
 
 def _digest(dancers: Sequence[TaughtDance]) -> str:

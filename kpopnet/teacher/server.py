@@ -275,7 +275,9 @@ def _learners_bvh(teaching: Teaching, dance: str, name: str) -> str:
 
 
 class LessonPage(Page):
-    """The lessons of one page, one after another: its messages (docs/teaching.md) go to a process, and the process's to it."""
+    """The lessons of one page, one after another: its messages (docs/teaching_development.md) go to a process, and the
+    process's to it.
+    """
 
     def __init__(self, socket: web.WebSocketResponse, teaching: Teaching, processes: LessonProcesses) -> None:
         super().__init__(socket)

@@ -54,7 +54,7 @@ _PICTURE_LANDMARKS = ("pose_landmarks", "landmarks", "poseLandmarks")
 
 
 def read_performance(path: Path | str, fps: float | None = None, joint_map: Path | str | None = None) -> Performance:
-    """Reads a recording of joints; the ending of the file's name gives the format (docs/dance_scoring.md).
+    """Reads a recording of joints; the ending of the file's name gives the format (docs/joint_files.md).
 
     Joints of .npz files of our own stay in their camera frame, MediaPipe's points are lifted in that of theirs
     (`kpopnet.dance.joint_files.mediapipe`), those of all other files are turned to face a level camera (see
