@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from capsule_people import CAMERA as CAPSULE_CAMERA
+from capsule_people import draw_depth, draw_joints
 from extraction_scenes import CAMERA as ROOM_CAMERA
 from extraction_scenes import compose, room, shifted, standing
 
@@ -261,21 +263,24 @@ def test_realtime_asks_the_network_to_look_thoroughly_where_it_is_unsure_and_bes
     assert asked == [SECOND_PASS_CONFIDENCE, 1.0]
 
 
-class Jittery(Blob):
-    """A detector with a new error of 2 cm in every image."""
+class Jittery:
+    """A detector of a person who stands still, with a new error of 2 cm in every image."""
+
+    def __init__(self, joints_m):
+        self.joints_m, self.rng, self.name = joints_m, np.random.default_rng(0), "jittery"
 
     def estimate(self, depth_m, camera):
-        found = super().estimate(depth_m, camera)
-        error_m = 0.02 * np.random.default_rng(len(self.asked)).standard_normal(found.joints_camera_m.shape)
-        return found._replace(joints_camera_m=found.joints_camera_m + error_m.astype(np.float32))
+        error_m = 0.02 * self.rng.standard_normal((len(depth_m), *self.joints_m.shape))
+        return Estimate((self.joints_m + error_m).astype(np.float32), np.full(error_m.shape[:2], 0.95, np.float32))
 
 
 def test_the_frames_before_steady_a_person_at_rest_and_those_after_more_so():
-    depth, spread_m = np.stack([person(20)] * 40), {}
+    joints_m = draw_joints(np.random.default_rng(1))
+    depth, spread_m = np.stack([draw_depth(joints_m)] * 40), {}
     for mode in ("network", "realtime", "best"):
-        network = Jittery()
+        network = Jittery(joints_m)
         estimator = network if mode == "network" else PersonEstimator(network, mode)
-        spread_m[mode] = estimator.estimate(depth, CAMERA).joints_camera_m[10:].std(axis=0).mean()
+        spread_m[mode] = estimator.estimate(depth, CAPSULE_CAMERA).joints_camera_m[10:].std(axis=0).mean()
     assert spread_m["best"] < spread_m["realtime"] < 0.7 * spread_m["network"]
 
 
