@@ -28,6 +28,7 @@ from kpopnet.tracker.refine import FittedEstimator
 
 CAMERA = Camera.centred(100.0, 80, 60)
 POSE_M = np.random.default_rng(0).uniform(-0.5, 0.5, (15, 3)).astype(np.float32)
+STILL_M = draw_joints(np.random.default_rng(1))
 
 
 class Blob:
@@ -266,19 +267,20 @@ def test_realtime_asks_the_network_to_look_thoroughly_where_it_is_unsure_and_bes
 class Jittery:
     """A detector of a person who stands still, with a new error of 2 cm in every image."""
 
-    def __init__(self, joints_m):
-        self.joints_m, self.rng, self.name = joints_m, np.random.default_rng(0), "jittery"
+    name = "jittery"
+
+    def __init__(self):
+        self.rng = np.random.default_rng(0)
 
     def estimate(self, depth_m, camera):
-        error_m = 0.02 * self.rng.standard_normal((len(depth_m), *self.joints_m.shape))
-        return Estimate((self.joints_m + error_m).astype(np.float32), np.full(error_m.shape[:2], 0.95, np.float32))
+        error_m = 0.02 * self.rng.standard_normal((len(depth_m), *STILL_M.shape))
+        return Estimate((STILL_M + error_m).astype(np.float32), np.full(error_m.shape[:2], 0.95, np.float32))
 
 
 def test_the_frames_before_steady_a_person_at_rest_and_those_after_more_so():
-    joints_m = draw_joints(np.random.default_rng(1))
-    depth, spread_m = np.stack([draw_depth(joints_m)] * 40), {}
+    depth, spread_m = np.stack([draw_depth(STILL_M)] * 40), {}
     for mode in ("network", "realtime", "best"):
-        network = Jittery(joints_m)
+        network = Jittery()
         estimator = network if mode == "network" else PersonEstimator(network, mode)
         spread_m[mode] = estimator.estimate(depth, CAPSULE_CAMERA).joints_camera_m[10:].std(axis=0).mean()
     assert spread_m["best"] < spread_m["realtime"] < 0.7 * spread_m["network"]
