@@ -76,7 +76,7 @@ def entry_point(
             if not {"-h", "--help"}.isdisjoint(given):
                 print(sys.modules[function.__module__].__doc__)
                 print("Settings (NAME=VALUE; --cfg job prints every value, --hydra-help Hydra's own options):\n")
-                print(as_text(dict(ChainMap(*reversed(_group_help.values()), settings(schema)))))
+                print(as_text(_texts_of_help(schema, given)))
                 return
             sys.argv[1:] = map(readable, given)
             announce_compilation()
@@ -221,6 +221,15 @@ def register_schemas(group: str, schemas: Mapping[str, Any], *, place: str | Non
         texts = settings(kind, prefix)
         _group_texts[prefix, name] = texts
         _group_help.setdefault(kind, texts)
+
+
+def _texts_of_help(schema: type, given: Iterable[str]) -> dict[str, str]:
+    """Those of a schema and of every group; of a group of which the command line chooses one schema, of that one alone."""
+    texts = dict(ChainMap(*reversed(_group_help.values()), settings(schema)))
+    for (prefix, name), chosen in _group_texts.items():
+        if f"{prefix.removesuffix('.')}={name}" in given:
+            texts = {key: one for key, one in texts.items() if not key.startswith(prefix)} | chosen
+    return texts
 
 
 def _texts_of_groups(yaml: str) -> dict[str, str]:

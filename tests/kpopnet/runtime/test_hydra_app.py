@@ -8,7 +8,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from kpopnet.errors import InputError
 from kpopnet.programs.train import NetworkTrainingConfig
 from kpopnet.runtime import hydra_app
-from kpopnet.runtime.hydra_app import as_text, readable, resumed_config, settings, with_comments
+from kpopnet.runtime.hydra_app import as_text, readable, register_schemas, resumed_config, settings, with_comments
 
 
 @pytest.fixture
@@ -105,3 +105,28 @@ def test_comments_stand_behind_the_settings_that_they_describe():
     ]  # fmt: skip
     lines = as_text({"a": "word " * 30, "b.c": ""}).splitlines()
     assert len(lines) > 1 and lines[0].startswith("  a  ") and lines[-1] == "  b.c"
+
+
+@dataclass
+class Other:
+    """Beside.
+
+    Attributes:
+        width: of a wall.
+        depth: of a hole.
+    """
+
+    width: int = 1
+    depth: int = 2
+
+
+def test_help_describes_the_settings_of_the_schema_that_is_chosen(monkeypatch):
+    """Settings of several schemas that have one name mean different things."""
+    for name in ("_group_help", "_group_texts"):
+        monkeypatch.setattr(hydra_app, name, {})
+    register_schemas("kinds", {"inner": Inner, "other": Other}, place="place")
+    texts = {given: hydra_app._texts_of_help(Outer, given) for given in ((), ("place=inner",), ("place=other",))}
+    widths = [one["place.width"] for one in texts.values()]
+    assert widths == ["of a wall.", settings(Inner)["width"], "of a wall."]
+    assert [set(one) >= {"place.height", "name"} for one in texts.values()] == [True, True, False]
+    assert ["place.depth" in one for one in texts.values()] == [True, False, True]
