@@ -6,6 +6,7 @@ Each file appears whole or not at all (kpopnet.runtime.atomic_write), so a run t
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -43,3 +44,18 @@ def make_missing(
         except WorkerDiedError as error:
             raise InputError(f"{folder}: {error}; finished {noun}s are kept: run the same command again") from error
         bar.total = bar.n
+
+
+MOST_NAMED = 5
+
+
+def differences(found: Any, wanted: dict) -> str:
+    """The first MOST_NAMED settings in which what was found, data of any kind, differs: "sample.renderer=gl, not cpu"."""
+    return "; ".join(_differences(found, wanted, "")[:MOST_NAMED])
+
+
+def _differences(found: Any, wanted: Any, name: str) -> list[str]:
+    if isinstance(found, dict) and isinstance(wanted, dict):
+        names = sorted({*found, *wanted})
+        return [one for key in names for one in _differences(found.get(key), wanted.get(key), f"{name}.{key}".lstrip("."))]
+    return [] if found == wanted else [f"{name or 'settings'}={found!s:.60}, not {wanted!s:.60}"]

@@ -23,7 +23,7 @@ from kpopnet.skeleton import JOINT_NAMES
 from kpopnet.viz.drawing import TRUE, depth_rgb, enlarged, probability_rgb, save_png, scene_tile, sheet, with_captions
 from synth.body.asset import digest
 from synth.motion import identity_of_recordings
-from synth.resumable import make_missing
+from synth.resumable import differences, make_missing
 from synth.samples.layers import silhouette_box
 from synth.samples.observe import FreezeConfig, freeze
 from synth.samples.placing import Site
@@ -123,10 +123,8 @@ def is_finished(config: SetConfig, folder: Path, shard: int) -> bool:
         return False
     header = read_header(path)
     if (header.config_hash, header.split) != (config.hash, config.split):
-        raise InputError(
-            f"{path}: belongs to another set (made with other settings, {header.config_hash} against {config.hash}); "
-            "choose another out=, or delete that folder"
-        )
+        other = differences(header.config, json.loads(config.as_json()))
+        raise InputError(f"{path}: belongs to another set ({other}); choose another out=, or delete that folder")
     start, stop = config.span(shard)
     return header.start == start and header.stop >= stop  # a larger set stays whole where a part of it is asked for
 

@@ -21,7 +21,7 @@ from synth.body.asset import digest
 from synth.motion import SPLITS, MotionConfig, build_motion, identity_of_recordings
 from synth.motion.skeleton import Motion
 from synth.motion.splice import cut, resampled
-from synth.resumable import make_missing
+from synth.resumable import differences, make_missing
 from synth.sensor.model import SENSORS, SensorConfig
 
 MAX_HIP_ACCELERATION_M_S2 = 50.0
@@ -161,10 +161,9 @@ class SetGenerator(ABC):
         if path.exists():
             found = read_json(path, non_finite=True)
             if not isinstance(found, dict) or found.get("hash") != self.hash:
-                raise InputError(
-                    f"{folder}: holds another set, made with other settings than {self.hash}; choose another out=, or "
-                    "delete that folder"
-                )
+                config = found.get("config") if isinstance(found, dict) else None
+                other = differences(config, json.loads(self.as_json()))
+                raise InputError(f"{folder}: holds another set ({other}); choose another out=, or delete that folder")
             size = max(size, found[f"{self.part}s"])
         elif unknown := sorted(folder.glob(self.finished_files)):
             raise InputError(f"{unknown[0]}: not made by this program; choose another out=")

@@ -79,11 +79,20 @@ def test_a_checkout_that_is_not_installed_writes_a_set(tmp_path: Path, monkeypat
         assert json.loads(file.attrs["packages"]) == {"nowhere": None, "numpy": np.__version__}
 
 
-def test_another_set_is_not_overwritten(whole: Path) -> None:
-    other_bodies = replace(SAMPLE, samples_per_body=3)
+def test_another_set_is_not_overwritten_and_the_settings_that_differ_are_named(whole: Path) -> None:
     before = contents(whole)
-    for change in ({"seed": 4}, {"split": "test"}, {"freeze": FREEZE}, {"shard_size": 9}, {"sample": other_bodies}):
-        with pytest.raises(InputError, match=r"shard_00000\.h5: belongs to another set.*out="):
+    others = {
+        r"seed=3, not 4": {"seed": 4},
+        r"split=train, not test": {"split": "test"},
+        r"freeze=None, not \{.*": {"freeze": FREEZE},
+        r"shard_size=8, not 9": {"shard_size": 9},
+        # As where one of several machines has no GPU, whose renderer=auto is another one.
+        r"sample\.renderer=cpu, not gl; sample\.samples_per_body=8, not 3": {
+            "sample": replace(SAMPLE, samples_per_body=3, renderer="gl")
+        },
+    }
+    for named, change in others.items():
+        with pytest.raises(InputError, match=rf"shard_00000\.h5: belongs to another set \({named}\); choose another out="):
             generate(replace(CLEAN, **change), whole, range(1), processes=1)
     assert contents(whole) == before
 

@@ -147,10 +147,19 @@ def test_an_interrupted_run_leaves_no_partial_file_and_no_file_without_a_manifes
 
 def test_a_folder_with_other_files_is_refused(folder, tmp_path):
     before = contents(folder / "eval_sim")
-    for other in ({"benchmark": EvalSimConfig(seed=4, sequences=2)}, {"frames": (24, 31)}, {"renderer": "gl"}):
-        with pytest.raises(InputError, match=r"holds another set.*choose another out="):
+    others = {
+        r"benchmark\.seed=3, not 4": {"benchmark": EvalSimConfig(seed=4, sequences=2)},
+        r"frames=\[24, 30\], not \[24, 31\]": {"frames": (24, 31)},
+        r"renderer=cpu, not gl": {"renderer": "gl"},
+    }
+    for named, other in others.items():
+        with pytest.raises(InputError, match=rf"holds another set \({named}\); choose another out="):
             replace(EVAL, **other).write(folder / "eval_sim", 1)
     assert contents(folder / "eval_sim") == before
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "manifest.json").write_text("[1]")
+    with pytest.raises(InputError, match=r"holds another set \(settings=None, not \{.*choose another out="):
+        EVAL.write(tmp_path / "other", 1)
     (tmp_path / "recording.h5").write_bytes(b"other data")
     with pytest.raises(InputError, match=r"recording\.h5: not made by this program"):
         EVAL.write(tmp_path, 1)
