@@ -270,12 +270,13 @@ def _read_clip(path: Path, name: str) -> Recording:
     check_budget(path, 16 * stored.size, "its rotations")
     good = ~clip["bad"] if "bad" in clip else np.ones(len(stored), bool)
     leg_m = float(np.linalg.norm(offsets_m[[INDEX["LeftLeg"], INDEX["LeftFoot"]]].astype(float), axis=1).sum())
-    usable = stored.any(axis=-1).all(axis=-1) & (np.abs(root_m) < MAX_ROOT_M).all(axis=-1)
-    expect(good.any(), str(path), "some good frames")
-    expect(bool(usable[good].all()), str(path), f"rotations other than 0, and hips within {MAX_ROOT_M:g} m, in good frames")
-    rates = f"1 to 1000 frames a second and a leg of 0.1 to 3 m, not {fps:g}, {leg_m:g}"
-    expect(1 <= fps <= 1000 and 0.1 < leg_m < 3, str(path), rates)
     quats = stored.astype(np.float32)
     norm = np.linalg.norm(quats, axis=-1, keepdims=True)
+    usable = (np.isfinite(norm) & (norm > 0)).all(axis=(1, 2)) & (np.abs(root_m) < MAX_ROOT_M).all(axis=-1)
+    expect(good.any(), str(path), "some good frames")
+    whole = f"finite rotations other than 0, and hips within {MAX_ROOT_M:g} m, in good frames"
+    expect(bool(usable[good].all()), str(path), whole)
+    rates = f"1 to 1000 frames a second and a leg of 0.1 to 3 m, not {fps:g}, {leg_m:g}"
+    expect(1 <= fps <= 1000 and 0.1 < leg_m < 3, str(path), rates)
     quats /= np.where(norm == 0, 1, norm)  # 0 in bad frames
     return Motion(quats, root_m.astype(np.float32), fps, name, leg_m), good

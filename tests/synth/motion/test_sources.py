@@ -141,6 +141,8 @@ def test_clips_and_indices_of_other_contents_are_refused(pack):
     for changed, message in (
         ({"fps": np.float32(np.nan)}, "1 to 1000 frames a second"),
         ({"root": np.zeros((59, 3), np.float32)}, r"root: shape \(59, 3\), expected \(frames = 60, 3\)"),
+        ({"quat": np.full((60, 23, 4), np.nan, np.float32)}, "finite rotations other than 0"),
+        ({"quat": np.zeros((60, 23, 4), np.int16)}, "finite rotations other than 0"),
     ):
         np.savez(clip, **(arrays | changed))
         with pytest.raises(InputError, match=message):
