@@ -167,7 +167,10 @@ def trained(films: list[dict[str, np.ndarray]], future: bool, epochs: int) -> di
 
 
 def figures(joints_m: np.ndarray, film: dict[str, np.ndarray]) -> dict[str, tuple[float, float]]:
-    """Name to sum and count of (T, 15, 3) joints in metres: of squares for what is at rest, whose mean's root is reported."""
+    """Name to sum and count of (T, 15, 3) joints in metres: of squares for what is at rest, whose mean's root is reported.
+
+    Degrees are of chords between unit vectors: for what is off by 30° one in a hundred too few.
+    """
     true_m, times_s = film["true_m"], film["times_s"]
     error_m, steps_s = np.linalg.norm(joints_m - true_m, axis=-1), np.diff(times_s)
     near = steps_s < 1.5 / FPS

@@ -148,7 +148,8 @@ def _digest(checkpoint: Path | None) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--split", choices=("train", "validation", "benchmark"), default="train", help="%(default)s")
+    whose = "whose people; those of benchmarks in their clothes: %(default)s"
+    parser.add_argument("--split", choices=("train", "validation", "benchmark"), default="train", help=whose)
     parser.add_argument("--films", type=int, default=40, help="how many: %(default)s")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--clips", help="a motion pack, of which the train or the validation split is taken")
