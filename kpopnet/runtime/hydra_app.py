@@ -132,10 +132,14 @@ def _unknown_choice(error: MissingConfigException, folder: Path) -> Exception:
 def _unknown_setting(error: ConfigCompositionException, known: Iterable[str]) -> InputError | None:
     """What may have been meant, in the place of the class that lacks a setting; None for another mistake."""
     found, cause = re.match(r"Could not override '([\w.]+)'", str(error)), error.__cause__
-    if not found or not isinstance(cause, ConfigKeyError | ConfigAttributeError):
+    if not found:
         return None
-    name = max(found[1], cause.full_key or "", key=len)  # a value in braces has names of its own
-    beside = [f"{name.rpartition('.')[0]}.{one}" for one in cause.parent_node or () if "." in name]
+    name, beside = found[1], []
+    if isinstance(cause, ConfigKeyError | ConfigAttributeError):
+        name = max(name, cause.full_key or "", key=len)  # a value in braces has names of its own
+        beside = [f"{name.rpartition('.')[0]}.{one}" for one in cause.parent_node or () if "." in name]
+    elif "No match in the defaults list" not in str(error):  # Hydra's advice to append a group ends in another refusal
+        return None
     near = difflib.get_close_matches(name, [*known, *beside], 1)
     hint = f"did you mean {near[0]}? " if near else ""
     return InputError(f"{name}: there is no such setting; {hint}--help lists them")

@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass, field
 
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import ConfigCompositionException
 
 from kpopnet.errors import InputError
 from kpopnet.programs.train import NetworkTrainingConfig
@@ -65,6 +66,15 @@ def test_other_values_are_refused_in_one_line(resume, change):
         with pytest.raises(InputError) as refusal:
             resume(saved)
         assert "\n" not in str(refusal.value)
+
+
+def test_a_group_that_a_program_does_not_have_is_no_setting():
+    refused = ConfigCompositionException(
+        "Could not override 'sensor'.\nNo match in the defaults list.\nTo append to your default list use +sensor=kinect_2"
+    )
+    told = hydra_app._unknown_setting(refused, ["benchmark.seed", "sensors"])
+    assert str(told) == "sensor: there is no such setting; did you mean sensors? --help lists them"
+    assert hydra_app._unknown_setting(ConfigCompositionException("Could not override 'sensor'."), []) is None
 
 
 @dataclass
