@@ -11,7 +11,7 @@ import pytest
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
 from synth.body.shape import BodyConfig, draw_person
-from synth.scene.render import CpuRenderer, GlRenderer, make_renderer
+from synth.scene.render import CpuRenderer, GlRenderer, make_renderer, rasterise
 from synth.scene.room import LIVING_ROOM, Room, ViewConfig, draw_room, draw_view, posed_view
 from synth.scene.scene import Scene
 
@@ -31,7 +31,20 @@ def test_a_box_in_a_room_has_its_analytic_depth() -> None:
     depth_m = CpuRenderer(scene).room_m()
     assert depth_m[130, 160] == pytest.approx(2.5, abs=1e-5)
     assert depth_m[40, 160] == pytest.approx(4.0, abs=1e-5)
-    assert depth_m[235, 20] == pytest.approx(CAMERA.fy * 1.0 / (235 - CAMERA.cy), rel=1e-5)
+    # The floor in front of the box, which is cut at the near plane: it goes on behind the camera.
+    rows = np.arange(CAMERA.height)[:, None]
+    floor_m = np.where(rows > CAMERA.cy + CAMERA.fy / 2.5, CAMERA.fy / (rows - CAMERA.cy), 0) * np.ones(CAMERA.width)
+    np.testing.assert_allclose(depth_m[floor_m > 0], floor_m[floor_m > 0], rtol=1e-5)
+
+
+@pytest.mark.parametrize("turn", range(3))
+def test_a_triangle_that_begins_behind_the_camera_is_drawn_whole_and_from_its_front(turn: int) -> None:
+    corners = np.roll([(0, 1, -50), (-50, 1, 50), (50, 1, 50)], turn, axis=0).astype(np.float32)  # on a floor 1 m below
+    faces = np.array([[0, 2, 1]], np.int32)
+    rows = np.broadcast_to(np.arange(CAMERA.height)[:, None], (CAMERA.height, CAMERA.width))
+    floor_m = CAMERA.fy / np.maximum(rows - CAMERA.cy, 1e-9)
+    np.testing.assert_allclose(rasterise(corners, faces, CAMERA), np.where(floor_m < 50, floor_m, 0), rtol=1e-5)
+    assert not rasterise(corners, faces[:, ::-1].copy(), CAMERA).any()
 
 
 def images_m(kind: type[CpuRenderer]) -> np.ndarray:
