@@ -4,8 +4,9 @@ import pytest
 from kpopnet.errors import InputError
 from kpopnet.rotations import conjugate, multiply, rotate
 from synth.body.shape import BodyConfig, draw_person
-from synth.motion.choreography.composer import Choreography, compose, dance
+from synth.motion.choreography.composer import Choreography, compose, dance, phrase
 from synth.motion.choreography.moves import Key, Move, arms, hits, lower, mirror, repeat, together, upper
+from synth.motion.choreography.pairs import draw_duet
 from synth.motion.choreography.stage import Style, perform
 from synth.motion.choreography.vocabulary import LOWER, UPPER, WHOLE
 from synth.motion.skeleton import INDEX, MIRROR, forward_kinematics, height_above_floor
@@ -98,6 +99,29 @@ def test_the_composer_uses_the_whole_vocabulary():
         keys |= {tuple(sorted(key.shape.items())) for key in (*move.lower, *mirror(move).lower)}
     for name, move in (LOWER | WHOLE).items():
         assert all(tuple(sorted(key.shape.items())) in keys for key in move.lower), name
+
+
+def test_phrases_are_of_whole_eights_of_counts():
+    assert {phrase(np.random.default_rng(i), 1.0).beats % 8 for i in range(200)} == {0}
+
+
+def test_the_hips_are_above_the_foot_that_stands_and_the_forearm_comes_after_the_upper_arm():
+    lifted = performed(lower(Key(2, {"right_foot_y": 0.3}), Key(2, {"right_foot_y": 0.3})))
+    assert lifted.root_m[-1, 0] > 0.03
+    move, fps = hits(2, arms("front"), arms("goalpost")), 100.0
+    together_, late = (
+        perform(move, 120.0, 300, fps, "", Style(bounce_m=0.0, lag_s=lag_s, unsteadiness_deg=0.0)) for lag_s in (0.0, 0.1)
+    )
+    for bone, frames in (("LeftForeArm", 15), ("RightHand", 20)):  # of an arm that does not pronate
+        before, after = (motion.quats[:, INDEX[bone]] for motion in (together_, late))
+        np.testing.assert_allclose(after[frames:], before[: len(before) - frames], atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_people_who_cross_change_places_mirrored_or_not(seed):
+    parts = draw_duet(np.random.default_rng(seed), "crossing", 300, 30.0)
+    starts, ways = ([*one] for one in zip(*((part.place_m[0], part.motion.root_m[-1, 0]) for part in parts), strict=True))
+    assert np.sign(starts).sum() == 0 and (np.sign(np.add(starts, ways)) == np.negative(np.sign(starts))).all()
 
 
 def test_single_poses_come_from_the_dances_and_face_the_front():

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kpopnet.rotations import rotate
+from synth.motion import limbs
 from synth.motion.limbs import arm_to
 from synth.motion.poses import FAMILIES, ProceduralPoses
 from synth.motion.posture import CHANNELS, LIMITS_DEG, angles, limited, rotations
@@ -64,6 +65,11 @@ def test_any_angles_are_clipped_to_the_limits(angles_deg):
         ({"hips_roll": 90}, "Spine", "Hips", (1, -0.1, 0)),
         ({"hips_yaw": 90}, "LeftArm", "RightArm", (0, 0, -1)),
         ({"waist_bend": 50, "chest_bend": 30}, "Neck", "Spine1", (0, 0.17, 0.98)),
+        # Straight backwards an arm rises to 60 degrees.
+        ({"right_raise": 178, "right_plane": -90}, "RightHand", "RightArm", (0, -0.5, -np.sin(np.pi / 3))),
+        ({"left_raise": 0, "left_wrist": 60}, "LeftHand_end", "LeftHand", (-np.sin(np.pi / 3), -0.5, 0)),
+        ({"right_toes": 50}, "RightToe_end", "RightToeBase", (0, np.sin(np.radians(50)), np.cos(np.radians(50)))),
+        ({"left_invert": 30}, "LeftToeBase", "LeftFoot", (-15.4, -26.7, 120.4)),
     ],
 )
 def test_angles_have_their_anatomical_meaning(channels, point, start, direction):
@@ -77,6 +83,18 @@ def test_the_right_side_is_the_mirror_image_of_the_left():
     bent = {"raise": 70, "plane": 30, "twist": 40, "elbow": 60, "flex": 50, "abduct": 20, "invert": 9}
     one, other = (angles(**{f"{side}_{a}": v for a, v in bent.items()}) for side in ("left", "right"))
     np.testing.assert_allclose(mirrored(rotations(one[None])), rotations(other[None]), atol=1e-7)
+    shape = dict(zip(LIMITS_DEG, np.linspace(3, 15, len(LIMITS_DEG)).tolist(), strict=True))
+    other = angles(**limbs.mirrored(shape))
+    np.testing.assert_allclose(mirrored(rotations(angles(**shape)[None])), rotations(other[None]), atol=1e-7)
+
+
+def test_who_stands_has_flat_soles_and_a_straight_knee_where_the_weight_is():
+    pose = limbs.flat_footed(np.random.default_rng(0), "left", flex=0, knee=5, abduct=0, pitch=6)
+    _, turned = forward_kinematics(rotations(angles(hips_pitch=6, **pose)[None]), np.zeros((1, 3)))
+    assert abs(rotate(turned[0, INDEX["LeftFoot"]], np.array([0.0, 0, 1]))[1]) < 0.02
+    stances = [limbs.stance(generator) for generator in generators(200)]
+    loaded = [(np.sign(one["hips_roll"]), one["left_knee"] - one["right_knee"]) for one in stances if abs(one["hips_roll"]) > 2]
+    assert len(loaded) > 20 and np.mean([roll * knee < 0 for roll, knee in loaded]) > 0.8  # a stride bends a knee, too
 
 
 def test_hands_reach_the_named_places():

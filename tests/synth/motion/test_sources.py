@@ -87,6 +87,7 @@ def test_bvh_files_are_clips_split_by_name(tmp_path, caplog):
     assert all(used[split] <= names for split, names in used_by_split(tmp_path).items())  # none goes to another split
     one = clips(tmp_path / "2.bvh", fps=60.0)
     assert len(one) == 1 and one.motion(0).fps == 60.0
+    assert clips(tmp_path).clip_indices("dance") == list(range(len(clips(tmp_path))))  # who knows what they show
     poses = clips(tmp_path).poses(generators(20))
     np.testing.assert_allclose(poses.leg_m, LEG_M, atol=1e-5)
     np.testing.assert_allclose(poses.quats, np.broadcast_to([1, 0, 0, 0], poses.quats.shape), atol=1e-6)

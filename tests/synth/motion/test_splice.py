@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from kpopnet.rotations import about, multiply, rotate
 from synth.motion.choreography.composer import dance
 from synth.motion.choreography.programmes import FEATURES, show
-from synth.motion.skeleton import LEG_M, Motion, forward_kinematics, height_above_floor
+from synth.motion.posture import angles, rotations
+from synth.motion.skeleton import INDEX, LEG_M, Motion, forward_kinematics, height_above_floor
 from synth.motion.splice import cut, eased, follow, heading, planted, resampled, turned_to_front
 
 FPS = 30.0
@@ -106,3 +107,18 @@ def test_who_dances_backwards_retraces_the_steps():
     quats = dance(3, 71, 4.0).quats.astype(np.float64)
     forwards, backwards = (planted(one, FPS, "", LEG_M).root_m for one in (quats, quats[::-1]))
     np.testing.assert_allclose(backwards - backwards[-1], (forwards - forwards[0])[::-1], atol=1e-5)
+
+
+def test_a_motion_is_eased_into_rest_evenly():
+    for motion, seam in ((eased(turning(2.0, FPS), at_end=True), -1), (eased(turning(2.0, FPS), at_start=True), 0)):
+        assert len(motion) == 61 + 6
+        slow, rest = np.split(np.diff(motion.root_m[:, 2])[:: -1 if seam else 1] * FPS, [12])
+        np.testing.assert_allclose(slow, 0.3 * (np.arange(12) + 0.5) / 12, atol=1e-4)
+        np.testing.assert_allclose(rest, 0.3, atol=1e-4)
+
+
+def test_a_foot_on_the_floor_stays_where_it_is_while_the_other_swings():
+    flex = np.linspace(35, 80, 31)
+    quats = rotations(np.array([angles(left_flex=one, left_knee=0.5 * one) for one in flex])).astype(np.float64)
+    foot = points(planted(quats, FPS, "", LEG_M))[:, INDEX["RightToeBase"]]
+    assert np.linalg.norm(foot - foot[0], axis=1).max() < 0.01
