@@ -13,9 +13,10 @@ from kpopnet.data.shards import ShardedSet, shard_path
 from kpopnet.errors import InputError
 from kpopnet.ridge import RidgeConfig
 from synth.motion import MotionConfig
+from synth.samples.layers import silhouette_box
 from synth.samples.observe import ExtractionConfig, FreezeConfig, freeze
 from synth.samples.sampler import SampleConfig, Sampler
-from synth.samples.writer import SetConfig, finish, generate, is_finished, write_shard
+from synth.samples.writer import GENERATOR, SetConfig, finish, generate, is_finished, write_shard
 from synth.sensor.model import SensorConfig
 
 FREEZE = FreezeConfig(SensorConfig(), ExtractionConfig(), RidgeConfig())
@@ -63,7 +64,7 @@ def test_a_set_grows_to_the_same_whatever_the_processes_and_is_summarised_in_the
     summary = finish(CLEAN, tmp_path, FREEZE)
     assert summary["samples"] == 22 and summary["shards"] == 3 and summary["forced_samples"] == 0
     stored = json.loads((tmp_path / "set.json").read_text())
-    assert stored["hash"] == CLEAN.hash
+    assert stored["hash"] == CLEAN.hash and stored["config"]["generator"] == GENERATOR
     rendered = list(Sampler(SAMPLE, 3, "train").samples(0, 22))
     assert stored["refused_places"] == sum(one.refused_places for one in rendered) > 0
     assert stored["refused_poses"] == sum(one.rejected for one in rendered)
@@ -109,6 +110,8 @@ def test_a_frozen_set_holds_noisy_depth_and_its_ridge(whole: Path, tmp_path: Pat
         np.testing.assert_array_equal(noisy.joints_camera_m, expected.joints_camera_m)
         np.testing.assert_array_equal(noisy.depth_mm, depth_mm)
         np.testing.assert_array_equal(noisy.ridge, ridge)
+        assert noisy.box == silhouette_box(depth_mm)
+    assert any(shards[index].box != clean[index].box for index in range(len(shards)))
 
 
 def test_a_cluster_job_writes_a_set(tmp_path: Path) -> None:

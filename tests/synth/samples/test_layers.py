@@ -3,7 +3,8 @@
 import numpy as np
 
 from kpopnet.camera import Camera
-from synth.samples.layers import Around, at_joints, compose
+from kpopnet.skeleton import Joint
+from synth.samples.layers import Around, at_joints, compose, hidden_fraction, visible_joints
 
 CAMERA = Camera(100.0, 100.0, 3.5, 0.0, 8, 1)
 
@@ -44,3 +45,19 @@ def test_an_image_has_no_value_at_joints_that_are_not_inside_it() -> None:
     # Pixel 5 of CAMERA lies 3 cm beside the optical axis at 2 m, pixel 8, beyond the image, 9 cm.
     joints_m = np.array([(0.03, 0, 2), (0.09, 0, 2), (-0.09, 0, 2), (0.03, 0.02, 2), (0.03, 0, -2), (np.nan, np.nan, np.nan)])
     assert at_joints(ROOM_MM, joints_m, CAMERA).tolist() == [1500, 0, 0, 0, 0, 0]
+
+
+def test_the_hidden_fraction_is_of_what_the_room_lets_see() -> None:
+    # Of the person's five pixels the room hides one; the other person is before one of the others, and behind the next.
+    assert hidden_fraction(PERSON, row(1, 1.5, 2.5, 0, 0, 1, 1, 1), ROOM_MM) == 1 / 4
+    assert hidden_fraction(row(0, 0, 0, 0, 0, 2, 0, 0), PERSON, ROOM_MM) == 0
+
+
+def test_a_joint_is_visible_where_the_surface_belongs_to_its_body_part() -> None:
+    joints_m = np.full((len(Joint), 3), (-0.01, 0, 2.05))  # at pixel 3
+    joints_m[[Joint.LEFT_HAND, Joint.LEFT_KNEE, Joint.TORSO], 2] = 2.1, 2.1, 2.3
+    joints_m[Joint.RIGHT_HAND] = 0.03, 0, 2.05  # where the room hides the person
+    joints_m[Joint.RIGHT_FOOT] = -0.09, 0, 2.05  # beyond the image
+    own_mm = compose(PERSON, ROOM_MM, Around(), CAMERA).own_mm
+    hidden = {Joint.LEFT_HAND, Joint.TORSO, Joint.RIGHT_HAND, Joint.RIGHT_FOOT}
+    assert {joint for joint in Joint if not visible_joints(joints_m, own_mm, CAMERA)[joint]} == hidden

@@ -161,6 +161,8 @@ def test_hair_that_returns_nothing_is_missing_in_all_images_of_a_person_and_abov
     # The hairline belongs to the person, not to the image.
     lost, *others = [(whole(shards, seed, hair_missing=1.0) == 0) & (clean > 0) for seed in range(3)]
     assert all(np.array_equal(lost, other) for other in others)
+    with_hair = [observed(shards, replace(PERFECT, hair_missing=0.5), body=body) for body in range(12)]
+    assert 0 < sum(same(one, observed(shards)) for one in with_hair) < 12
     points = shards.camera.points(clean)[lost]
     assert lost.any() and ((points - head) @ axis).min() > 0.02
     assert np.linalg.norm(points - head, axis=1).max() < 0.35

@@ -5,10 +5,14 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from kpopnet.rotations import rotate
 from kpopnet.skeleton import Joint
-from synth.motion import MotionConfig
+from synth.body.asset import load_body
+from synth.motion import MotionConfig, Poses
+from synth.motion.posture import STANDING, rotations
+from synth.motion.skeleton import LEG_M, NUM_JOINTS, on_floor_m
 from synth.samples.placing import NEAREST_M, StageConfig
-from synth.samples.sampler import RenderedSample, SampleConfig, Sampler, heading_rad
+from synth.samples.sampler import RenderedSample, SampleConfig, Sampler, body_rotations, heading_rad
 from synth.scene.mesh import about_z
 from synth.scene.props import NO_PROPS, PropsConfig
 
@@ -103,6 +107,41 @@ def test_props_change_the_image_but_not_the_person() -> None:
         if other.around.is_empty:
             assert np.array_equal(one.sample.depth_mm, other.sample.depth_mm)
     assert hidden >= 3 and added >= 3
+
+
+def test_fingers_flex_towards_the_palms() -> None:
+    asset = load_body()
+    local = body_rotations(asset, np.tile([1.0, 0, 0, 0], (NUM_JOINTS, 1)), 0.0, np.array([0.5, 1.0]))
+    for side, outwards, curl in (("Left", 1.0, 0.5), ("Right", -1.0, 1.0)):
+        fingers = rotate(local[asset.bone(f"{side}HandFinger1")], np.array([outwards, 0, 0]))
+        np.testing.assert_allclose(fingers, (outwards * np.cos(1.4 * curl), 0, -np.sin(1.4 * curl)), atol=1e-9)
+
+
+class Standing:
+    """A source of poses: upright, half a metre above the floor."""
+
+    def poses(self, generators: list[np.random.Generator]) -> Poses:
+        count = len(generators)
+        quats = np.repeat(rotations(STANDING[None]), count, axis=0)
+        root_m = on_floor_m(quats) + np.float32((0, 0.5, 0))
+        return Poses(quats, root_m, np.full(count, LEG_M, np.float32), ["standing"] * count)
+
+
+def test_a_jump_is_as_high_in_proportion_to_the_legs_and_who_faces_the_camera_does_so_as_far_as_asked() -> None:
+    sampler = Sampler(replace(CONFIG, stage=StageConfig(turned=0, turn_deg=4, off_centre=0), props=NO_PROPS), 5, "train")
+    sampler.source, yaws_rad = Standing(), []
+    for rendered in sampler.samples(0, 16):
+        jump_m = 0.5 * sampler.scene.person.leg_m / LEG_M
+        assert sampler.renderer.vertices_world_m()[:, 2].min() == pytest.approx(jump_m, abs=1e-4)
+        if abs(rendered.sample.joints_camera_m[Joint.TORSO, 0]) < 0.1:  # those whom the border cuts are anywhere
+            yaws_rad.append(rendered.sample.yaw_rad)
+    assert len(yaws_rad) > 8 and 1 < np.degrees(np.std(yaws_rad)) < 8
+
+
+def test_who_is_seen_nowhere_is_forced() -> None:
+    stage = StageConfig(cut=0, place_tries=3, least_pixels=10**6, distance_m=(2.5, 3.5), off_centre=0.1)
+    forced = [one for one in Sampler(replace(CONFIG, stage=stage, props=NO_PROPS), 7, "train").samples(0, 12) if one.forced]
+    assert len(forced) > 2 and all(one.refused_places == 3 for one in forced)
 
 
 def test_yaw_is_the_heading_relative_to_the_camera(sampler: Sampler) -> None:
