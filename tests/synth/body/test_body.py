@@ -11,7 +11,7 @@ from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
 from synth.body.capsules import TRUNK
 from synth.body.outfit import ClothesConfig, load_skin
-from synth.body.shape import BodyConfig, Person, draw_person
+from synth.body.shape import BodyConfig, Person, _adults, draw_person
 from synth.motion import MotionConfig
 from synth.samples.sampler import SampleConfig, Sampler
 from synth.scene.render import CpuRenderer
@@ -100,3 +100,13 @@ def test_joints_lie_inside_the_body_in_generated_poses(source: str, count: int, 
         skin_m = sampler.renderer.vertices_world_m()
         assert is_inside(skin_m, sampler.scene.joints_world_m()).all(), rendered.sample.motion
         assert not is_inside(skin_m, skin_m[:NUM_VERTICES].max(axis=0)[None] + 0.001).any()
+
+
+def test_adults_are_drawn_with_the_body_mass_index_of_adults() -> None:
+    """A tenth is below 19.7, a tenth above 30.5 kg/m², as far as a split has such people."""
+    first, thresholds = _adults("train")
+    bmi, share = load_body().facts[first : first + len(thresholds), 3], np.diff(thresholds, prepend=0)
+    order = np.argsort(bmi)
+    quantiles = np.interp((0.1, 0.5, 0.9), np.cumsum(share[order]), bmi[order])
+    np.testing.assert_allclose(quantiles, (19.7, 24.5, 30.5), rtol=0.04)
+    assert share.max() < 0.01
