@@ -7,7 +7,7 @@ import pytest
 from stand_ins import joints_world_m
 
 from kpopnet.skeleton import Joint
-from synth.scene.mesh import boxes
+from synth.scene.mesh import boxes, rod
 from synth.scene.render import draw_mesh_m, whole_px
 from synth.scene.scene import Scene
 from synth.simulated import room_films
@@ -66,7 +66,8 @@ def test_cameras_hang_and_move_as_they_are_called(takes: dict[str, RoomTake]) ->
 
 def test_a_still_camera_shows_the_same_film(maker: Rooms, takes: dict[str, RoomTake]) -> None:
     still = Rooms(replace(maker.benchmark, still_cameras=True), frames=maker.frames).take(KINDS.index("moving_camera"))
-    assert len(still.views) == 1
+    assert len(still.views) == 1 and still.view(3) is still.view(0)
+    np.testing.assert_array_equal(still.view(0).rotation, takes["moving_camera"].views[len(still) // 2].rotation)
     np.testing.assert_allclose(world_m(still), world_m(takes["moving_camera"]), atol=1e-5)
     middle = len(still) // 2  # whose pose a still camera has
     [one], [other] = (list(render(take, range(middle, middle + 1))) for take in (still, takes["moving_camera"]))
@@ -118,6 +119,10 @@ def test_frames_and_images_depend_on_their_numbers_alone(maker: Rooms) -> None:
     assert all(len(image.depth) == 1 and (image.seen_px <= image.whole_px).all() for image in images)
     names = [name for image in images for name in image.people]
     assert len(names) == len(set(names)) > 0
+    arms_m = np.concatenate(
+        [image.joints_m[0, :, Joint.LEFT_ELBOW] - image.joints_m[0, :, Joint.LEFT_SHOULDER] for image in images]
+    )
+    assert len(set(np.linalg.norm(arms_m, axis=1).round(4).tolist())) == len(names)  # no person is in two images
 
 
 def test_the_whole_of_a_plate_is_counted_beyond_the_border(takes: dict[str, RoomTake]) -> None:
@@ -132,6 +137,28 @@ def test_the_whole_of_a_plate_is_counted_beyond_the_border(takes: dict[str, Room
     (middle, shown), (cut, shown_cut) = pixels
     assert middle == shown == pytest.approx((2 * half_px) ** 2, rel=0.03)
     assert cut > 1.3 * shown_cut and middle <= cut < 1.8 * middle  # it shows a side, too
+
+
+def test_clutter_is_inside_the_walls_and_not_too_near_the_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    things, views = 0, (room_films.posed_view(np.array([0, 0, 1.5]), 0.2, 0.0),)
+    monkeypatch.setattr(room_films, "BENCHMARK_CLUTTER", (lambda rng: rod(0.5, 0.7),))
+    for seed in range(20):
+        for mesh in room_films.draw_surroundings(np.random.default_rng(seed), "empty_room", views, ()) or []:
+            if len(mesh.vertices_m) == len(rod(0.5, 0.7).vertices_m):
+                assert np.linalg.norm(mesh.vertices_m[:, :2], axis=1).min() > room_films.NEAREST_M
+                things += 1
+    assert things > 10
+
+
+@pytest.mark.parametrize(("kind", "shares", "shows"), [
+    ("crowd", (0.2, 0.6), True), ("crowd", (0.2, 0.4), False),
+    ("behind_furniture", (0.7,), True), ("behind_furniture", (0.95,), False), ("behind_furniture", (0.3,), False),
+])  # fmt: skip
+def test_half_of_a_person_must_show_and_furniture_hide_a_part(monkeypatch, kind: str, shares: tuple, shows: bool) -> None:
+    labels = np.concatenate([np.full(round(100 * share), PERSON + k) for k, share in enumerate(shares)])[None]
+    clear = room_films.ClearFrame(0, np.ones(labels.shape), labels, np.zeros((len(shares), 15, 3)), np.full(len(shares), 100))
+    monkeypatch.setattr(room_films, "render", lambda take, numbers: iter([clear]))
+    assert room_films._shows(kind, range(3)) is shows
 
 
 @pytest.mark.parametrize("module", ["room_films", "rooms"])

@@ -10,8 +10,10 @@ from kpopnet.errors import InputError
 from kpopnet.skeleton import Joint
 from synth.body.markers import MARKERS, tracked_markers
 from synth.motion.choreography.programmes import Y_POSE_S
+from synth.motion.skeleton import Motion
 from synth.scene.mesh import about_z
 from synth.simulated.film import DISTANCE_RANGE_M, Take
+from synth.simulated.generator import is_faulty
 from synth.simulated.stand_ins import JOINT_MARKERS, EvalSim, EvalSimConfig, Smmc10Sim, Smmc10SimConfig
 
 FPS, KINDS = EvalSim.fps, EvalSim.kinds
@@ -117,6 +119,9 @@ def test_the_markers_of_every_joint_are_near_it_on_the_skin():
     for joint, names in JOINT_MARKERS.items():
         positions = film.markers_m[:, [list(MARKERS).index(name) for name in names]].mean(axis=1)
         assert np.nanmax(np.linalg.norm(positions - film.joints_camera_m[:, joint], axis=1)) < 0.15, joint
+    for joint in (Joint.HEAD, Joint.NECK, Joint.TORSO):  # in the middle
+        sides = Counter(name[0] for name in JOINT_MARKERS[joint] if name not in ("C7", "CLAV"))
+        assert sides["L"] == sides["R"]
     hands = film.markers_m[:, list(MARKERS).index("LWRI")] - film.joints_camera_m[:, Joint.LEFT_HAND]
     assert np.nanmin(np.linalg.norm(hands, axis=1)) > 0.01
 
@@ -128,6 +133,14 @@ def test_the_trunk_occludes_its_back_from_cameras_in_front(maker, takes):
     for place_m, seen in ((offset_m, "1100"), (-offset_m, "0011"), (np.zeros(3), "1111")):
         tracked = dict(zip(MARKERS, tracked_markers(skin_m, place_m).tolist(), strict=True))
         assert [tracked[name] for name in ("STRN", "CLAV", "T10", "C7")] == [one == "1" for one in seen]
+
+
+@pytest.mark.parametrize("fps", [25.0, 120.0])
+@pytest.mark.parametrize("acceleration_m_s2", [40.0, 60.0])
+def test_hips_that_accelerate_as_no_dancer_does_are_an_error_of_the_recording(fps: float, acceleration_m_s2: float) -> None:
+    seconds = np.arange(10) / fps
+    root_m = np.stack([0 * seconds, 0 * seconds, acceleration_m_s2 * seconds**2 / 2], axis=1)
+    assert is_faulty(Motion(np.zeros((10, 23, 4)), root_m, fps, "", 0.8)) == (acceleration_m_s2 > 50)
 
 
 def test_people_for_whom_nothing_fits_are_drawn_again(monkeypatch):
