@@ -10,7 +10,7 @@ from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.rotations import about, conjugate, multiply
 from synth.body.shape import BodyConfig, draw_person
-from synth.dances.faults import ENDS, FAULTS, LAG_S, end_motion, habit, lag, with_faults
+from synth.dances.faults import ENDS, FAULTS, KEPT_AMPLITUDE, LAG_S, end_motion, habit, lag, with_faults
 from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig
 from synth.dances.skill import LEVELS, SHARES, SkillConfig, Strengths, draw_strengths, learn
 from synth.motion.choreography.composer import dance
@@ -133,6 +133,14 @@ def test_who_makes_smaller_movements_takes_smaller_steps(teacher):
     for damping, kept in ((0.3, 0.7), (0.9, 0.2)):
         steps_m = learnt(teacher, damping=damping).root_m - teacher.root_m[0]
         np.testing.assert_allclose(steps_m[:, [0, 2]], kept * (teacher.root_m - teacher.root_m[0])[:, [0, 2]], atol=1e-5)
+
+
+def test_a_smaller_amplitude_draws_movements_and_way_to_their_middle(teacher):
+    smaller = FAULTS["amplitude"](teacher, 2.0, np.random.default_rng(0))
+    way_m, kept = teacher.root_m - teacher.root_m.mean(axis=0), KEPT_AMPLITUDE**2
+    np.testing.assert_allclose(smaller.root_m, teacher.root_m.mean(axis=0) + kept * way_m, atol=1e-5)
+    spread, before = (np.abs(one.quats[:, 1:]).std(axis=0).sum() for one in (smaller, teacher))
+    assert 0.9 * kept < spread / before < 1.2 * kept
 
 
 def test_severities_are_around_one():

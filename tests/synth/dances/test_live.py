@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 
 import synth.dances.live
+import synth.dances.taught
 from kpopnet.errors import InputError
 from synth.body.shape import draw_person
+from synth.body.teacher import teacher_person
 from synth.dances.live import CAMERA, LATE_S, LiveLearner, learned, motion_of
 from synth.dances.simulate import MAX_TRAVEL_M
 from synth.dances.taught import DANCES, Teacher, composed, dance_title
-from synth.motion.skeleton import INDEX
+from synth.motion.choreography.composer import dance, tempo_bpm
+from synth.motion.skeleton import INDEX, LEG_M
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +27,26 @@ def test_a_dance_has_whole_phrases_and_stays_on_its_stage(taught):
     assert np.ptp(motion.root_m[:, [0, 2]], axis=0).max() < MAX_TRAVEL_M
     assert np.array_equal(composed(4)[0].quats, motion.quats)
     assert len({dance_title(index) for index in range(DANCES)}) == DANCES
+
+
+def test_dances_last_whole_eights_of_counts(monkeypatch):
+    asked = []
+
+    def recorded(index, seed, seconds, fps):
+        asked.append(seconds / (8 * 60 / tempo_bpm(index, seed)))
+        return dance(index, seed, 1.0, fps)
+
+    monkeypatch.setattr(synth.dances.taught, "dance", recorded)
+    lengths = [8 * 60 / composed(index)[1] * asked[-1] for index in range(12)]
+    np.testing.assert_allclose(asked, np.round(asked), atol=1e-9)
+    assert 20 <= min(lengths) < 26 and 30 < max(lengths) < 36 + 5.4
+
+
+def test_the_motion_of_a_danced_dance_is_the_composed_one(taught):
+    motion, (expected, _) = motion_of(taught.quats, taught.hips_m, taught.fps), composed(4)
+    np.testing.assert_allclose(motion.quats, expected.quats, atol=1e-6)
+    way_m, expected_m = ((one.root_m - one.root_m[0])[:, [0, 2]] for one in (motion, expected))
+    np.testing.assert_allclose(way_m, expected_m * teacher_person().leg_m / LEG_M, atol=1e-4)
 
 
 def test_a_fault_is_in_its_limb_alone(taught):

@@ -16,7 +16,7 @@ from kpopnet.datasets.protocol import Origin
 from kpopnet.errors import InputError
 from kpopnet.rotations import about, multiply
 from kpopnet.skeleton import Joint
-from synth.dances.simulate import CAMERA, FPS, LEARNERS, KpopSim, KpopSimConfig, connected
+from synth.dances.simulate import CAMERA, DANCES, FPS, LEARNERS, KpopSim, KpopSimConfig, connected, is_danceable
 from synth.dances.skill import LEVELS
 from synth.motion import SPLITS, MotionConfig
 from synth.motion.choreography.composer import dance
@@ -195,6 +195,20 @@ def test_excerpts_of_recordings_share_no_frame_and_leave_out_what_cannot_be_danc
     assert maker.size == len(maker.excerpts) and replace(maker, benchmark=KpopSimConfig(dances=2)).size == 2
     with pytest.raises(InputError, match=f"have {len(maker.excerpts)} excerpts that can be danced, none for dance_040"):
         maker.teacher_motion(40)
+
+
+def test_who_travels_farther_than_a_metre_along_either_axis_of_the_floor_does_not_fit_before_a_camera():
+    still = dance(0, 5, 2.0, FPS)
+    for axis, danceable in ((0, False), (1, True), (2, False)):
+        root_m = np.zeros_like(still.root_m)
+        root_m[:, axis] = np.linspace(0, 1.2, len(still))
+        assert is_danceable(replace(still, root_m=root_m)) is danceable
+        assert is_danceable(replace(still, root_m=0.8 * root_m))
+
+
+def test_another_composed_dance_is_not_in_the_set():
+    maker = KpopSim(KpopSimConfig(faults="ends"))
+    assert not {maker._another(index) for index in range(DANCES)} & set(range(DANCES))
 
 
 def test_another_recorded_dance_is_another_excerpt(monkeypatch):
