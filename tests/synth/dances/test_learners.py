@@ -4,13 +4,14 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from fingerprints import fingerprint
 
 from kpopnet.camera import CAMERAS
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import score_dance
 from kpopnet.rotations import about, conjugate, multiply
 from synth.body.shape import BodyConfig, draw_person
-from synth.dances.faults import ENDS, FAULTS, KEPT_AMPLITUDE, LAG_S, end_motion, habit, lag, with_faults
+from synth.dances.faults import ENDS, FAULTS, KEPT_AMPLITUDE, LAG_S, draw_profile, end_motion, habit, lag, with_faults
 from synth.dances.simulate import SPACING, KpopSim, KpopSimConfig
 from synth.dances.skill import LEVELS, SHARES, SkillConfig, Strengths, draw_strengths, learn
 from synth.motion.choreography.composer import dance
@@ -228,3 +229,27 @@ def test_a_perfect_learner_scores_100_and_who_does_not_dance_next_to_nothing():
         scores[end] = score_dance(*dances).similarity
     assert scores.pop("perfect") > 99.9
     assert max(scores.values()) < 20, scores
+
+
+def test_a_seed_makes_the_learners_that_it_made(teacher):
+    """Sets are published by their seeds: other learners need another version of `kpop_sim`, and numbers here."""
+    found, severities = {}, draw_profile(np.random.default_rng(3))
+    for level, name in enumerate(LEVELS):
+        rng = np.random.default_rng([3, level])
+        found[name] = learn(teacher, draw_strengths(rng, level, SkillConfig()), rng)[0]
+    found |= {"mixed": with_faults(teacher, severities, np.random.default_rng(3))}
+    found |= {end: end_motion(end, teacher, found["best"], np.random.default_rng(3)) for end in ENDS[1:]}
+    numbers = {name: fingerprint(motion.quats, motion.root_m) for name, motion in found.items()}
+    assert KpopSim.generator == 5 and numbers == pytest.approx(PUBLISHED, abs=2e-3)
+
+
+PUBLISHED = {
+    "best": -0.1555,
+    "good": 0.0086,
+    "bad": -0.5347,
+    "worst": -0.7489,
+    "mixed": -0.7012,
+    "another dance": -0.1555,
+    "waving": -0.109,
+    "standing still": -0.2847,
+}

@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+from fingerprints import fingerprint
 
 from kpopnet.data.canvas import CANVAS
-from synth.rooms.images import measure_scene
+from synth.body.outfit import ClothesConfig
+from synth.body.shape import BodyConfig
+from synth.motion import MotionConfig
+from synth.rooms.images import RoomImagesSet, measure_scene
 from synth.rooms.scene import RoomScenes
 from synth.samples.sampler import SampleConfig
 
@@ -52,3 +56,28 @@ def test_a_sensor_labels_only_what_it_measures(drawn, scenes):
         off_m = np.abs(measured.depth_mm[both] / 1000 - scene.depth_m[both])
         # Noise grows with the square of the depth; flying pixels lie between a person and what is behind.
         assert len(off_m) < 50 or np.median(off_m / scene.depth_m[both] ** 2) < 0.01
+
+
+def test_a_seed_draws_the_scenes_that_it_drew():
+    """Sets are published by their seeds: other scenes need another version of the generator, and numbers here."""
+    bare = BodyConfig(clothes=ClothesConfig(**dict.fromkeys(vars(ClothesConfig()), 0.0)))
+    scenes = RoomScenes(SampleConfig(bare, MotionConfig(source="poses"), renderer="cpu"), 5, "test", CANVAS)
+    for index, expected in PUBLISHED[RoomImagesSet.generator].items():
+        scene = scenes.draw_scene(index)
+        of_people = np.bincount(scene.labels.ravel())[1:].tolist()
+        assert of_people == pytest.approx(expected[0], rel=0.01)
+        numbers = fingerprint(scene.joints_camera_m), float(scene.depth_m.mean()), float(scene.whole_px.sum())
+        assert numbers == pytest.approx(expected[1:], abs=0.003, rel=1e-3)
+
+
+PUBLISHED = {
+    3: {
+        0: ([6, 21], 0.0386, 3.5434, 497.0),
+        1: ([115, 211, 27], -0.7709, 3.8271, 785.0),  # a seat before someone else
+        6: ([1486], 1.3886, 4.7575, 2963.0),
+        8: ([543, 1516, 2695], -3.8637, 2.5062, 6945.0),
+        9: ([655], 0.4387, 0.0667, 655.0),
+        10: ([839, 1699], 0.0944, 2.9753, 4216.0),
+        31: ([547, 446], 2.3228, 3.6223, 1222.0),  # someone on a bed
+    }
+}

@@ -4,15 +4,19 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from fingerprints import fingerprint
 
 from kpopnet.rotations import rotate
 from kpopnet.skeleton import Joint
 from synth.body.asset import load_body
+from synth.body.outfit import ClothesConfig
+from synth.body.shape import BodyConfig
 from synth.motion import MotionConfig, Poses
 from synth.motion.posture import STANDING, rotations
 from synth.motion.skeleton import LEG_M, NUM_JOINTS, on_floor_m
 from synth.samples.placing import NEAREST_M, StageConfig
 from synth.samples.sampler import RenderedSample, SampleConfig, Sampler, body_rotations, heading_rad
+from synth.samples.writer import GENERATOR
 from synth.scene.mesh import about_z
 from synth.scene.props import NO_PROPS, PropsConfig
 
@@ -162,3 +166,30 @@ def test_self_penetration_is_rejected_and_the_number_of_tries_is_limited() -> No
         rejected.add(rendered.rejected)
         assert rendered.forced == (rendered.rejected == 2) == (sampler.scene.penetration_m() > 0)
     assert rejected == {0, 1, 2}
+
+
+def test_a_seed_generates_the_samples_that_it_generated() -> None:
+    """Sets are published by their seeds: other samples need another version of the generator, and numbers here."""
+    bare = BodyConfig(clothes=ClothesConfig(**dict.fromkeys(vars(ClothesConfig()), 0.0)))
+    config = replace(
+        BUSY, body=bare, motion=MotionConfig(dances=3, seconds=4.0), stage=StageConfig(cut=0.5), samples_per_body=2
+    )
+    sampler = Sampler(config, 11, "validation")
+    for rendered, expected in zip(sampler.samples(0, 6), PUBLISHED[GENERATOR], strict=True):
+        sample, site = rendered.sample, sampler.room(rendered.sample.room)
+        counts = rendered.rejected, rendered.refused_places, int(sample.visible.sum()), len(rendered.around.others_m)
+        numbers = fingerprint(sample.joints_camera_m, [sample.yaw_rad], site.floor), float(site.depth_mm.mean())
+        assert (sample.motion, *counts) == expected[:5]
+        assert (np.count_nonzero(sample.depth_mm), *numbers) == pytest.approx(expected[5:], abs=0.003, rel=1e-3)
+
+
+PUBLISHED = {
+    4: [
+        ("pose:kneel", 1, 0, 10, 1, 5573, 4.3677, 4164.6493),
+        ("pose:free_arms", 0, 1, 7, 0, 7894, 1.1683, 4164.6493),
+        ("pose:broad", 1, 0, 12, 1, 4755, 5.9339, 4164.6493),
+        ("pose:kick", 0, 0, 6, 1, 1081, 1.5808, 4639.0029),
+        ("choreography:1-2@3.7s", 0, 0, 14, 0, 4174, 2.1285, 4639.0029),
+        ("pose:free_arms", 0, 6, 15, 1, 2660, 1.108, 4639.0029),
+    ]
+}

@@ -74,6 +74,11 @@ def test_seeds_of_a_benchmark_begin_with_its_name_and_those_of_training_do_not(m
     assert len(seeds) >= 8 and all(len(seed) <= 4 and max(seed) < 2**40 and seed[:4] != name[:4] for seed in seeds)
 
 
+def test_a_seed_is_of_a_benchmark_its_seed_its_split_what_is_drawn_and_numbers() -> None:
+    assert EvalSim(EvalSimConfig(seed=7))._seed("noise", 2) == (*b"eval_sim", 7, 2, 2)
+    assert KpopSim(KpopSimConfig(seed=5, split="validation"))._seed("learner", 3, 1) == (*b"kpop_sim", 5, 1, 2, 3, 1)
+
+
 CLIPS = MotionConfig(source="clips", path="somewhere")
 
 
