@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from programs import ROOT
 
-from synth.body.asset import CHILDREN_YEARS, load_body, load_children
+from synth.body.asset import CHILDREN_YEARS, digest, load_body, load_children
 from synth.body.shape import SPLIT_RANGES, BodyConfig, Person, draw_person, shape_person
 from synth.rooms.images import RoomImagesConfig, RoomImagesSet
 from synth.samples.sampler import SampleConfig
@@ -71,5 +71,6 @@ def test_sets_of_adults_are_known_as_before_and_those_with_children_are_others()
     )
     for of in makers:
         assert "children" not in of(0.0).as_json() and of(0.0).hash != of(0.2).hash != of(0.3).hash
+    assert digest(False) != digest(True)
     assert "30 % are children of 6 to 12 years" in EvalSim(EvalSimConfig(children=0.3)).manifest_entries()["about"]
     assert "children" not in EvalSim().manifest_entries()["about"]

@@ -48,8 +48,8 @@ def test_an_image_has_no_value_at_joints_that_are_not_inside_it() -> None:
 
 
 def test_the_hidden_fraction_is_of_what_the_room_lets_see() -> None:
-    # Of the person's five pixels the room hides one; the other person is before one of the others, and behind the next.
-    assert hidden_fraction(PERSON, row(1, 1.5, 2.5, 0, 0, 1, 1, 1), ROOM_MM) == 1 / 4
+    # Of the person's five pixels the room hides one; the other person is before two of the others, and behind a third.
+    assert hidden_fraction(PERSON, row(1, 1.5, 2.5, 1.5, 0, 1, 1, 1), ROOM_MM) == 2 / 4
     assert hidden_fraction(row(0, 0, 0, 0, 0, 2, 0, 0), PERSON, ROOM_MM) == 0
 
 
