@@ -113,6 +113,14 @@ def test_props_change_the_image_but_not_the_person() -> None:
     assert hidden >= 3 and added >= 3
 
 
+def test_another_person_hides_at_most_half_of_a_person() -> None:
+    joined = PropsConfig(seat=0, held=0, second_person=1, attached=0)
+    alone, before = (Sampler(replace(CONFIG, props=props), 3, "train").samples(20, 40) for props in (NO_PROPS, joined))
+    pairs = [(one, two) for one, two in zip(alone, before, strict=True) if one.refused_places == two.refused_places]
+    seen = [np.count_nonzero(two.sample.depth_mm) / np.count_nonzero(one.sample.depth_mm) for one, two in pairs]
+    assert 0.5 <= min(seen) < 0.7 and max(seen) == 1
+
+
 def test_fingers_flex_towards_the_palms() -> None:
     asset = load_body()
     local = body_rotations(asset, np.tile([1.0, 0, 0, 0], (NUM_JOINTS, 1)), 0.0, np.array([0.5, 1.0]))
