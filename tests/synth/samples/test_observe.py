@@ -80,6 +80,10 @@ def test_feet_are_cut_at_a_height_above_the_floor(shards, clean):
     assert 0.2 < max(heights_m) <= 0.31 and min(heights_m) >= lowest_m(clean) - 1e-6
     upper = np.s_[: shards.camera.height // 2]
     assert np.array_equal(images[-1][upper], clean[upper])
+    # Whichever way the floor's normal points, the camera is above it.
+    (room_mm, floor), look = shards.room(0, shards[0].room), (shards.camera, IDEAL, replace(PERFECT, feet_cut_m=0.3))
+    one, other = (observe_sample(shards[0], (room_mm, sign * floor), *look, np.random.default_rng(0)) for sign in (1, -1))
+    assert same(one, other)
 
 
 def test_erosion_and_dilation_change_the_silhouette_by_one_pixel(shards, clean):
