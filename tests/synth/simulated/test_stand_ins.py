@@ -1,6 +1,7 @@
 """The stand-ins for EVAL and SMMC-10: what their sequences show, and the markers of the second."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from synth.body.markers import MARKERS, tracked_markers
 from synth.motion.choreography.programmes import Y_POSE_S
 from synth.motion.skeleton import Motion
 from synth.scene.mesh import about_z
+from synth.scene.room import Room
 from synth.simulated.film import DISTANCE_RANGE_M, Take
 from synth.simulated.generator import is_faulty
 from synth.simulated.stand_ins import JOINT_MARKERS, EvalSim, EvalSimConfig, Smmc10Sim, Smmc10SimConfig
@@ -84,6 +86,16 @@ def test_a_turned_motion_is_the_same_from_another_side(maker, takes):
         maker.studio.joints_world_m(one.person, one.local[:40], one.hips_m[:40]) for one in (played, played.turned(0.7))
     )
     np.testing.assert_allclose(turned_m, joints_m @ about_z(0.7).T, atol=1e-5)
+
+
+@pytest.mark.parametrize(("half_m", "clear"), [(0.004, True), (0.04, False)])
+def test_furniture_hides_at_most_a_fiftieth_of_a_person(maker, takes, half_m: float, clear: bool) -> None:
+    take, joints = takes[0]
+    camera_m = take.view.position_m
+    to_torso = joints[0, Joint.TORSO] - camera_m
+    box = Room(*(np.array([one]) for one in (camera_m + 0.8 * to_torso / np.linalg.norm(to_torso), np.full(3, half_m), 0.0)))
+    room = Room(*(np.concatenate([getattr(one, name) for one in (take.room, box)]) for name in vars(box)))
+    assert maker.studio.is_clear(replace(take, room=room), maker.studio.furnish(room, take.view)) is clear
 
 
 def test_each_kind_shows_its_motion(takes):
