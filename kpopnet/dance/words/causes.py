@@ -110,7 +110,7 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
         run = slice(max(int(moves[0]) - half, 0), min(int(moves[-1]) + half, len(danced)))
         seconds = (run.stop - run.start) / FPS
         if seconds >= MIN_STILL_S:
-            late = run.start <= begin + frames and run.stop < len(danced) - frames  # and began before the end
+            late = run.start <= begin + half and run.stop < len(danced) - frames  # and began before the end
             text = "began {seconds} s late" if late else "stood still for {seconds} s"
             text = Said(text, seconds=f"{seconds:.0f}")
             yield Cause(first_s + run.start / FPS, first_s + run.stop / FPS, "late entry" if late else "stood still", text)

@@ -327,7 +327,7 @@ def test_who_stands_still_is_told_so_however_long_the_teacher_stood_before(intro
     def after_standing(joints_m):
         return np.concatenate([np.repeat(teacher_m[:1], round(intro_s * FPS), axis=0), joints_m])
 
-    for begin_s, cause in ((0, "late entry"), (4, "stood still")):
+    for begin_s, cause in ((0, "late entry"), (1, "stood still"), (4, "stood still")):
         learner_m = noisy(after_standing(made.held(teacher_m, begin_s, begin_s + 6)), 0.02, 3)
         (first, *_) = told(learner_m, teacher_m=after_standing(teacher_m)).moments
         assert first.direction == cause and first.start_s == pytest.approx(intro_s + begin_s, abs=1.1), first
