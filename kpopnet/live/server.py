@@ -95,7 +95,7 @@ class WatchPage(Page):
         watch.join(self._waiting)
         self.hear(self._waiting)
 
-    def follow(self, what: str, message: dict) -> None:
+    async def follow(self, what: str, message: dict) -> None:
         if what not in ORDERS:
             raise InputError(UNKNOWN)
         self._watch.order(what, check_fields(what, message, {"on": bool})["on"])

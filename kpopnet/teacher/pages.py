@@ -175,11 +175,11 @@ class Page:
                 if self._messages is not None:
                     self._messages.want_frame()
             else:
-                self.follow(what, message)
+                await self.follow(what, message)
         except InputError as error:
             await self._tell({"kind": self.refusal, "text": keyed(error.said)})
 
-    def follow(self, what: str, message: dict) -> None:
+    async def follow(self, what: str, message: dict) -> None:
         """Does what the page asks. Raises InputError if it asks wrongly."""
         raise NotImplementedError
 

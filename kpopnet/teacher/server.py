@@ -285,9 +285,9 @@ class LessonPage(Page):
         self._process: LessonProcess | None = None
         self._members: list[dict] = []  # who danced beside the first learner
 
-    def follow(self, what: str, message: dict) -> None:
+    async def follow(self, what: str, message: dict) -> None:
         if what == "prepare":
-            self._prepare(settings_from(Lesson, message.get("lesson"), "the lesson"))
+            await self._prepare(settings_from(Lesson, message.get("lesson"), "the lesson"))
         elif what == "stop":
             self.leave()
         elif what in ("go", "resume") and self._process is not None:
@@ -301,12 +301,12 @@ class LessonPage(Page):
         else:
             raise InputError(UNKNOWN)
 
-    def _prepare(self, lesson: Lesson) -> None:
+    async def _prepare(self, lesson: Lesson) -> None:
         if lesson.source not in self._teaching.sources:
             raise InputError("there is no such source of depth")
         if lesson.who:
             self._teaching.profiles.profile(lesson.who)
-        dance = self._teaching.library.dance(lesson.dance)
+        dance = await asyncio.to_thread(self._teaching.library.dance, lesson.dance)
         lesson.excerpt_s(dance.about.seconds)
         if lesson.dancer >= len(dance.dancers):
             raise InputError(Said("there is no such dancer in this dance; reload the page"))

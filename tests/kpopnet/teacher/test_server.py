@@ -65,21 +65,25 @@ async def test_dances_and_the_body_are_served(client, teaching):
 
 def test_what_takes_long_of_a_long_dance_stops_no_lesson_of_another_page(teaching, tried, monkeypatch):
     name, threads = tried(2.0), {}
-    for slow in ("preview_cm", "moves_cm", "packed_movement"):
-        given = getattr(server, slow)
+    of_server = [(server, name) for name in ("preview_cm", "moves_cm", "packed_movement")]
+    for of, slow in (*of_server, (teaching.library, "dance")):
+        given = getattr(of, slow)
 
         def noted(one, slow=slow, given=given):
             threads.setdefault(slow, set()).add(threading.current_thread())
             return given(one)
 
-        monkeypatch.setattr(server, slow, noted)
+        monkeypatch.setattr(of, slow, noted)
 
     async def look(client) -> None:
         for path in ("dances/dance_001/preview", "dances/dance_001", f"tries/dance_001/{name}/movement"):
             await client.told(f"/api/{path}")
+        socket = await client.ws_connect("/live")
+        await socket.send_str(MESSAGES[-1])  # a lesson with a dancer who is not in the dance
+        assert (await socket.receive_json())["kind"] == "error"
 
     with_client(teaching, look)
-    assert len(threads) == 3 and threading.current_thread() not in set().union(*threads.values())
+    assert len(threads) == 4 and threading.current_thread() not in set().union(*threads.values())
 
 
 STRANGERS = (
