@@ -81,20 +81,19 @@ if (history.state === "language") { // by the keyboard the next one may be wante
   languages.focus();
 }
 // A dance, a recording or a measurement goes on: what is busy is not shown anew.
-languages.before(handsSwitch(() => main.querySelector("[data-busy]") || show()));
+const shownAnew = () => main.querySelector("[data-busy]") || show();
+languages.before(handsSwitch(shownAnew));
 addEventListener("storage", ({ key }) => { if (key === "teach.who") myself().catch(() => {}); }); // chosen in another tab
-for (const [id, otherwise] of [["theme", "auto"], ["palette", "brightness"]]) {
+const theme = document.getElementById("theme"), dress = () => { document.documentElement.dataset.theme = theme.value; };
+for (const [id, otherwise, apply] of [["theme", "auto", dress], ["palette", "brightness", shownAnew]]) {
   const select = document.getElementById(id);
   select.value = remembered(id, otherwise);
-  const apply = () => {
-    if (id === "theme") document.documentElement.dataset.theme = select.value;
-  };
   select.addEventListener("change", () => {
     remember(id, select.value);
     apply();
   });
-  apply();
 }
+dress();
 document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault(); // #main is no view
   main.focus();

@@ -81,6 +81,18 @@ test("a view that would lose something may stay, at its address", async () => {
   assert.deepEqual(ended, ["record"]);
 });
 
+test("another palette is drawn at once, but not into what is busy, and the focus stays", async () => {
+  await go("#/dance/a/try/t");
+  document.activeElement = made.palette;
+  made.palette.listeners.change();
+  await settled();
+  const { querySelector } = main;
+  main.querySelector = () => main;
+  made.palette.listeners.change();
+  Object.assign(main, { querySelector });
+  assert.deepEqual([shown, document.activeElement], [[["result", "a", "t"], ["result", "a", "t"]], made.palette]);
+});
+
 test("what goes wrong is told, with a way to the dances, which are asked for again where they are what went wrong", async () => {
   globalThis.view = async () => { throw new Error("it does not answer"); };
   await go("#/");
