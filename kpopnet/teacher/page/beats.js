@@ -20,8 +20,11 @@ function onsets(samples, rate) {
     once += slow * (samples[i] - once);
     low += slow * (once - low);
     below += fast * (samples[i] - below);
-    const frame = Math.floor(i / hop);
-    [low, below - once, samples[i] - below].forEach((value, band) => { if (frame < frames) bands[band][frame] += value * value; });
+    const frame = Math.floor(i / hop), middle = below - once, high = samples[i] - below;
+    if (frame >= frames) break;
+    bands[0][frame] += low * low;
+    bands[1][frame] += middle * middle;
+    bands[2][frame] += high * high;
   }
   for (let i = 0; i < frames; i++) energy[i] = bands[0][i] + bands[1][i] + bands[2][i];
   return { frames, energy, rises: bands.map(rises) };
@@ -43,17 +46,18 @@ function correlation(curve, lag) {
   return sum / (curve.length - lag);
 }
 
-// How much of a curve beats at a tempo, once and twice a beat, or as many times as are given.
+// How much of a curve beats at a tempo, once and twice a beat, or as many times as are given: its Fourier transform, by Goertzel's
+// recurrence, which needs the cosine of one angle alone.
 function strength(curve, bpm, harmonics = [1, 2]) {
   return harmonics.reduce((found, times) => {
-    const angle = 2 * Math.PI * times * bpm / 60 / RATE_HZ;
-    let [real, imaginary] = [0, 0];
+    const angle = 2 * Math.PI * times * bpm / 60 / RATE_HZ, twice = 2 * Math.cos(angle);
+    let last = 0, before = 0;
     for (let i = 0; i < curve.length; i++) {
-      if (curve[i] === 0) continue;
-      real += curve[i] * Math.cos(angle * i);
-      imaginary += curve[i] * Math.sin(angle * i);
+      const now = curve[i] + twice * last - before;
+      before = last;
+      last = now;
     }
-    return found + Math.hypot(real, imaginary);
+    return found + Math.hypot(last - before * Math.cos(angle), before * Math.sin(angle));
   }, 0);
 }
 
