@@ -17,7 +17,16 @@ from types import ModuleType
 ROOT = Path(__file__).parents[2]
 
 STARTER = """
-import gc, json, numba, os, resource, runpy, sys
+import atexit, sys
+
+preloaded = {}
+
+@atexit.register  # first, and so it runs last
+def spare_preloaded():
+    for name in preloaded:
+        sys.modules.pop(name, None)
+
+import ctypes, gc, json, numba, os, resource, runpy
 import kpopnet.programs.evaluate, kpopnet.programs.train, synth.__main__, torch.utils.tensorboard
 import torch._inductor  # which torch imports when it is made deterministic
 
@@ -25,6 +34,12 @@ numba.njit("void()")(lambda: None)  # numba imports a part of itself for the fir
 del sys.modules["synth.__main__"]  # which runpy runs
 gc.collect()
 gc.freeze()  # a child that looks for garbage would copy all of it
+own = ("kpopnet", "synth", "__main__", "sys", "builtins")
+preloaded.update((name, module) for name, module in sys.modules.items() if name.partition(".")[0] not in own)
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(preloaded))  # for ever
+libc = ctypes.CDLL(None)
+if hasattr(libc, "on_exit"):
+    libc.on_exit(libc._exit, None)  # after all else that a child does at its end, and before what libraries do that it forked
 
 while line := sys.stdin.readline():
     words, folder, most_bytes, environments, *files = json.loads(line)
@@ -52,7 +67,8 @@ while line := sys.stdin.readline():
     break
 """
 """Runs programs, each in a process of its own in which what the largest import is loaded already: that takes most of the time
-of a short program. A line of JSON on the standard input for each, with the largest size of a file and the environments of its
+of a short program, as would taking all of it down at the end, which is done for our modules and for what the program itself
+made or imported. A line of JSON on the standard input for each, with the largest size of a file and the environments of its
 processes; an exit code on the standard output."""
 
 
