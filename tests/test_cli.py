@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import types
-from functools import partial
+from functools import cache, partial
 
 import pytest
 from programs import ROOT, run_program
@@ -16,6 +16,11 @@ from kpopnet import cli
 from kpopnet.cli import PROGRAMS
 
 kpopnet = partial(run_program, "-m", ROOT, "kpopnet.cli")
+
+
+@cache  # two tests look at it
+def helped(*words: str) -> subprocess.CompletedProcess:
+    return kpopnet(*words, "--help")
 
 
 def test_help_names_every_program_and_the_version_is_the_packages():
@@ -30,7 +35,7 @@ SETTINGS = {"train": "training.lr ", "evaluate": "estimator.tracker.start "}
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_every_program_answers_help_and_describes_its_settings(name):
-    done = kpopnet(name, "--help")
+    done = helped(name)
     assert done.returncode == 0 and len(done.stdout) > 300 and "Traceback" not in done.stderr, done.stderr
     assert SETTINGS.get(name, "") in done.stdout
 
@@ -42,7 +47,7 @@ HYDRA = ("generate", "train", "evaluate")
 @pytest.mark.parametrize("name", [*sorted(PROGRAMS.keys() - HYDRA), "teach add", "convert recordings"])
 def test_every_option_is_on_a_page(name):
     told = "".join(page.read_text() for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")) if page.stem != "ledger")
-    options = set(re.findall(r"(?<![\w-])--[a-z-]+", kpopnet(*name.split(), "--help").stdout)) - {"--help"}
+    options = set(re.findall(r"(?<![\w-])--[a-z-]+", helped(*name.split()).stdout)) - {"--help"}
     assert [one for one in sorted(options) if not re.search(rf"{one}(?![\w-])", told)] == []
 
 
