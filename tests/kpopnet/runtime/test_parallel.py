@@ -8,7 +8,6 @@ from functools import partial
 
 import cv2
 import pytest
-import torch
 
 from kpopnet.errors import InputError
 from kpopnet.runtime.parallel import POLL_S, in_processes
@@ -35,6 +34,8 @@ def test_where_processes_can_share_no_memory_it_says_so(monkeypatch):
 
 
 def test_here_the_work_has_one_thread_and_leaves_the_others_as_they_were():
+    import torch  # not with this module, which other processes import for their work
+
     before = torch.get_num_threads(), cv2.getNumThreads()
     seen = [count for _, count in in_processes(lambda _: (torch.get_num_threads(), cv2.getNumThreads()), [0, 1], 1)]
     assert seen == [(1, 1), (1, 1)] and (torch.get_num_threads(), cv2.getNumThreads()) == before
