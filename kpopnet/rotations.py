@@ -59,3 +59,15 @@ def turns(rotation_rad: np.ndarray) -> np.ndarray:
     angle = np.linalg.norm(rotation_rad, axis=-1, keepdims=True)
     axis = rotation_rad / np.maximum(angle, 1e-12)
     return np.concatenate([np.cos(angle / 2), np.sin(angle / 2) * axis], axis=-1)
+
+
+def of_matrix(matrix: np.ndarray) -> np.ndarray:
+    """The quaternion of a (3, 3) matrix of a rotation, its largest part positive."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
+    products = np.array([  # of each two of x, y, z and w, four times
+        [1 + xx - yy - zz, xy + yx, xz + zx, zy - yz],
+        [xy + yx, 1 - xx + yy - zz, yz + zy, xz - zx],
+        [xz + zx, yz + zy, 1 - xx - yy + zz, yx - xy],
+        [zy - yz, xz - zx, yx - xy, 1 + xx + yy + zz],
+    ])  # fmt: skip
+    return normalised(np.roll(products[np.diag(products).argmax()], 1))

@@ -5,23 +5,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
 from kpopnet.dance.features import SEEN_CONFIDENCE
-from kpopnet.dance.joint_files.points import checked_performance
 from kpopnet.dance.joint_files.reader import SUFFIXES as JOINT_SUFFIXES
-from kpopnet.dance.joint_files.tables import numbers_in
 from kpopnet.dance.performance import Performance
 from kpopnet.dance.scoring import Stretches
 from kpopnet.datasets.dances.dance_set import TEACHER, KpopSet
 from kpopnet.datasets.dances.dance_set import read_performance as read_kpop
 from kpopnet.errors import InputError
 from kpopnet.languages import Said
-from kpopnet.runtime.input_files import check_fields, expect, named, parse_json
-from kpopnet.runtime.untrusted import read_in_child
-from kpopnet.skeleton import NUM_JOINTS, Joint
+from kpopnet.runtime.input_files import expect, named
+from kpopnet.skeleton import Joint
 from kpopnet.sources.opening import CONVERTERS, READERS, WITH_NAMES
 from kpopnet.teacher.library import MAX_PLACE_M, MOST_DANCERS, Library, taught_dance
 from kpopnet.teacher.posing import MAX_S, at_rate, posed
@@ -77,32 +73,6 @@ def check_length(where: str, seconds: float) -> None:
     if not MIN_S - LAST_STEP_S <= seconds <= MAX_S:
         text = "{file}: lasts {seconds} s; a dance lasts {least} to {most} s"
         raise InputError(Said(text, file=where, seconds=f"{seconds:.1f}", least=f"{MIN_S:g}", most=f"{MAX_S:g}"))
-
-
-def recorded(message: Any) -> Performance:
-    """A dance that the page recorded: of each image its time in seconds, and joints in metres in the camera's frame with their
-    confidence; raises InputError for anything else.
-
-    The message is {"frames": [{"time_s": 0.1, "joints": [[x, y, z, confidence], ...]}]}, null where a joint is missing.
-    """
-    where = "the recording"
-    check_fields(where, message, {"frames": list[dict]})
-    for frame in message["frames"]:
-        check_fields(where, frame, {"time_s": float, "joints": list})
-        expect(len(frame["joints"]) == NUM_JOINTS, where, f"{NUM_JOINTS} joints")
-    expect(bool(message["frames"]), where, "images, found none")
-    seen = np.array([[numbers_in(one, (4,), where) for one in frame["joints"]] for frame in message["frames"]])
-    times_s = np.array([frame["time_s"] for frame in message["frames"]], float)
-    return checked_performance(seen[..., :3], times_s, np.nan_to_num(seen[..., 3]), where)
-
-
-def read_recorded(path: Path) -> Performance:
-    """`recorded` of a page's message, in a process with limits of time and memory, which a hostile one may harm."""
-    return Performance(**read_in_child(_recorded_arrays, path))
-
-
-def _recorded_arrays(path: Path) -> dict[str, Any]:
-    return vars(recorded(parse_json(path.read_bytes(), "the recording")))
 
 
 def _without_guesses(performance: Performance) -> Performance:

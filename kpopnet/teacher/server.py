@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from aiohttp import web
 
-from kpopnet.dance.joint_files.reader import SUFFIXES, read_strangers_performance
+from kpopnet.dance.joint_files.reader import SUFFIXES, read_recorded, read_strangers_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said, keyed
 from kpopnet.runtime.input_files import check_fields, parse_json, settings_from
-from kpopnet.teacher.adding import USUAL_BPM, add_group, read_recorded
+from kpopnet.teacher.adding import USUAL_BPM, add_group
 from kpopnet.teacher.film import Filming
 from kpopnet.teacher.hosting import page_app, sent
 from kpopnet.teacher.library import About, Library, moves_cm, preview_cm

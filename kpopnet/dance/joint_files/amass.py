@@ -8,10 +8,10 @@ rest pose is taken for an exact T-pose.
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.bones import MEAN_ADULT_M, joint_positions_m, skeleton_points, with_torso, world_rotations
 from kpopnet.dance.joint_files.points import NamedPoints
+from kpopnet.rotations import turns
 from kpopnet.runtime.input_files import ArraySchema, expect
 
 SCHEMA = {
@@ -41,7 +41,7 @@ def smpl_points(found: Mapping[str, np.ndarray], source: str) -> NamedPoints:
     width = poses.shape[1]
     expect(width in _WIDTHS, source, f"poses of {', '.join(map(str, _WIDTHS))} numbers, found {width}")
     expect(frames > 0 and bool((np.abs(poses) < 1e3).all()), source, "poses, in radians")
-    quats = Rotation.from_rotvec(poses[:, :66].reshape(-1, 3)).as_quat(scalar_first=True).reshape(frames, 22, 4)
+    quats = turns(poses[:, :66].reshape(frames, 22, 3))
     root_m = found.get("trans", np.zeros((frames, 3)))
     joints = {name: number for number, name in enumerate(_JOINTS)}
     joints, rest_m, parents = with_torso(joints, np.array([MEAN_ADULT_M[name] for name in _JOINTS]), _PARENTS)

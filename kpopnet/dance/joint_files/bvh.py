@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kpopnet.errors import InputError
 from kpopnet.rotations import about, multiply
@@ -167,6 +166,8 @@ def bvh_text(bvh: BvhFile, ends: np.ndarray | Sequence[np.ndarray]) -> str:
 
     write(0, "")
     lines += ["MOTION", f"Frames: {len(bvh.quats)}", f"Frame Time: {1 / bvh.fps:.8f}"]
+    from scipy.spatial.transform import Rotation  # slow to import, and not needed to read
+
     rotations = Rotation.from_quat(bvh.quats[:, order].reshape(-1, 4), scalar_first=True)
     angles_deg = rotations.as_euler("ZXY", degrees=True).reshape(len(bvh.quats), -1)
     motion = np.concatenate([bvh.root, angles_deg], axis=1)

@@ -16,13 +16,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from kpopnet.dance.joint_files.bones import find_joints, joint_positions_m, skeleton_points, with_torso, world_rotations
 from kpopnet.dance.joint_files.bvh import BvhFile, read_bvh
 from kpopnet.dance.joint_files.points import NamedPoints
 from kpopnet.errors import InputError
-from kpopnet.rotations import conjugate, multiply, rotate
+from kpopnet.rotations import conjugate, multiply, of_matrix, rotate
 
 log = logging.getLogger(__name__)
 
@@ -138,7 +137,7 @@ def _canonical_frame(rest: np.ndarray, found: dict[str, int], path: Path) -> np.
     if axes[0] @ axes[1] != 0:
         raise InputError(f"{path}: the rest pose does not stand upright: left is {left}, up is {up}")
     axes[2] = np.cross(axes[0], axes[1])
-    return Rotation.from_matrix(axes).as_quat(scalar_first=True)
+    return of_matrix(axes)
 
 
 def _hips_path(bvh: BvhFile, rotated: np.ndarray, hips: int) -> np.ndarray:

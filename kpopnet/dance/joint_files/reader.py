@@ -8,7 +8,6 @@ import numpy as np
 
 from kpopnet.dance.joint_files import amass
 from kpopnet.dance.joint_files.bvh_motion import BvhMotion, bvh_points, read_bvh_group
-from kpopnet.dance.joint_files.gltf import read_gltf
 from kpopnet.dance.joint_files.markers import read_c3d, read_npy, read_trc
 from kpopnet.dance.joint_files.mediapipe import OF_PICTURE, is_mediapipe, lifted
 from kpopnet.dance.joint_files.points import (
@@ -21,11 +20,10 @@ from kpopnet.dance.joint_files.points import (
     unit_m,
     with_joint_map,
 )
-from kpopnet.dance.joint_files.tables import EACH_A_FILE, TIMES, joint_points, read_csv
-from kpopnet.dance.joint_files.vmd import read_vmd
+from kpopnet.dance.joint_files.tables import EACH_A_FILE, TIMES, joint_points, numbers_in, read_csv
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError, check_number
-from kpopnet.runtime.input_files import ArraySchema, as_path, check_array, check_fields, expect, read_json, read_npz
+from kpopnet.runtime.input_files import ArraySchema, as_path, check_array, check_fields, expect, parse_json, read_json, read_npz
 from kpopnet.runtime.untrusted import read_in_child
 from kpopnet.skeleton import NUM_JOINTS
 
@@ -107,6 +105,8 @@ def _recorded(
         case ".trc":
             recorded = read_trc(path)
         case ".vmd":
+            from kpopnet.dance.joint_files.vmd import read_vmd  # with scipy, slow to import
+
             recorded = read_vmd(path)
         case ".csv":
             recorded = read_csv(path)
@@ -114,6 +114,8 @@ def _recorded(
             recorded = _read_json(path)
         case suffix if suffix in GLTF:
             expect(fps is None, str(path), "no frame rate beside it: the file states its times in seconds")
+            from kpopnet.dance.joint_files.gltf import read_gltf  # with scipy, slow to import
+
             recorded = read_gltf(path)
         case ".fbx":
             raise InputError(f"{path}: FBX is a closed format; import it in Blender (free) and export BVH, or glTF as .glb")
@@ -146,6 +148,32 @@ def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path |
     for one, where in zip(found, (path, *others), strict=True):  # which the process that asked has to hold
         expect(len(one) <= MOST_FRAMES, str(where), f"at most {MOST_FRAMES:,} frames, found {len(one):,}")
     return [vars(one) for one in found]
+
+
+def recorded(message: Any) -> Performance:
+    """A dance that the page recorded: of each image its time in seconds, and joints in metres in the camera's frame with their
+    confidence; raises InputError for anything else.
+
+    The message is {"frames": [{"time_s": 0.1, "joints": [[x, y, z, confidence], ...]}]}, null where a joint is missing.
+    """
+    where = "the recording"
+    check_fields(where, message, {"frames": list[dict]})
+    for frame in message["frames"]:
+        check_fields(where, frame, {"time_s": float, "joints": list})
+        expect(len(frame["joints"]) == NUM_JOINTS, where, f"{NUM_JOINTS} joints")
+    expect(bool(message["frames"]), where, "images, found none")
+    seen = np.array([[numbers_in(one, (4,), where) for one in frame["joints"]] for frame in message["frames"]])
+    times_s = np.array([frame["time_s"] for frame in message["frames"]], float)
+    return checked_performance(seen[..., :3], times_s, np.nan_to_num(seen[..., 3]), where)
+
+
+def read_recorded(path: Path) -> Performance:
+    """`recorded` of a page's message, in a process with limits of time and memory, which a hostile one may harm."""
+    return Performance(**read_in_child(_recorded_arrays, path))
+
+
+def _recorded_arrays(path: Path) -> dict[str, Any]:
+    return vars(recorded(parse_json(path.read_bytes(), "the recording")))
 
 
 def _read_npz(path: Path, fps: float | None) -> NamedPoints | Performance:
