@@ -18,8 +18,11 @@ import kpopnet  # noqa: F401
 # Without AMX, which ends the process on virtual machines that advertise it wrongly. oneDNN reads it when it first computes.
 os.environ.setdefault("ONEDNN_MAX_CPU_ISA", "AVX512_CORE_BF16")
 
-# A shell that starts the tests in the background ignores it, and so would every program that they start and interrupt.
+# A shell that starts the tests in the background ignores the one, nohup the other, and so would every program that they start
+# and interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+if hasattr(signal, "SIGHUP"):
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 gc.disable()  # until the tests are collected: a quarter of that time went into looking for garbage among what imports made
 
