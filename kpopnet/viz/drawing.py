@@ -15,6 +15,7 @@ BACKGROUND = (24, 24, 28)
 NEAREST_GREY, FARTHEST_GREY = 215, 75
 TEXT = (235, 235, 235)
 TEXT_HEIGHT_PX, GAP_PX = 18, 6
+TEXT_SIZE = 0.42  # of OpenCV's font
 _SUBPIXEL_BITS = 4  # cv2 takes the end points of lines in sixteenths of a pixel
 
 
@@ -155,25 +156,27 @@ def write(image: np.ndarray, text: str, left_bottom: tuple[int, int]) -> int:
     """Writes a line of text into an image, in a smaller font where it would not fit; returns its width in pixels."""
     text = text.encode("utf-8", "backslashreplace").decode()  # OpenCV crashes at half of a surrogate pair
     available = image.shape[1] - left_bottom[0] - 4
-    size = 0.42
-    width = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0]
-    size *= min(1.0, available / max(width, 1))
+    width = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, TEXT_SIZE, 1)[0][0]
+    size = TEXT_SIZE * min(1.0, available / max(width, 1))
     cv2.putText(image, text, left_bottom, cv2.FONT_HERSHEY_SIMPLEX, size, TEXT, 1, cv2.LINE_AA)
     return min(width, available)
 
 
 def legend(styles: tuple[Style, ...], width_px: int) -> np.ndarray:
-    """A strip that explains the colours of the styles."""
-    strip = np.full((TEXT_HEIGHT_PX + 6, width_px, 3), BACKGROUND, np.uint8)
-    x = 6
+    """Strips that explain the colours of the styles, as many as the width needs."""
+    strips, x = [], width_px
     for style in styles:
         for side, colour in (("right", style.right), ("left", style.left), ("middle", style.middle)):
-            y = strip.shape[0] // 2
+            text = f"{style.name}, {side}"
+            if x + 32 + cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, TEXT_SIZE, 1)[0][0] > width_px:
+                strips.append(np.full((TEXT_HEIGHT_PX + 6, width_px, 3), BACKGROUND, np.uint8))
+                x = 6
+            strip, y = strips[-1], strips[-1].shape[0] // 2
             cv2.line(strip, (x, y), (x + 22, y), colour, style.width_px, cv2.LINE_AA)
             cv2.circle(strip, (x + 11, y), style.width_px + 1, colour, -1 if style.filled else 1, cv2.LINE_AA)
             x += 28
-            x += write(strip, f"{style.name}, {side}", (x, strip.shape[0] - 8)) + 14
-    return strip
+            x += write(strip, text, (x, strip.shape[0] - 8)) + 14
+    return np.concatenate(strips)
 
 
 def sheet(rows: list[tuple[str, list[np.ndarray]]], styles: tuple[Style, ...] = (), title: str = "") -> np.ndarray:

@@ -5,7 +5,17 @@ import pytest
 
 from kpopnet.camera import Camera
 from kpopnet.skeleton import Joint
-from kpopnet.viz.drawing import BACKGROUND, ESTIMATED, depth_rgb, draw_skeleton, person_view, save_png, with_captions
+from kpopnet.viz.drawing import (
+    BACKGROUND,
+    ESTIMATED,
+    TRUE,
+    depth_rgb,
+    draw_skeleton,
+    person_view,
+    save_png,
+    sheet,
+    with_captions,
+)
 
 CAMERA = Camera.centred(100.0, 80, 60)
 
@@ -20,6 +30,14 @@ def test_a_joint_is_drawn_at_its_projection_in_the_colour_of_its_side(scale):
         rows, columns = np.nonzero(image.any(axis=-1))
         assert (rows.mean(), columns.mean()) == pytest.approx(((22.5) * scale - 0.5, (61.5) * scale - 0.5), abs=0.6)
         assert tuple(image[round(rows.mean()), round(columns.mean())]) == colour
+
+
+@pytest.mark.parametrize("width_px", [150, 330, 1300])
+def test_a_legend_shows_all_colours_at_any_width(width_px):
+    drawn = sheet([("", [np.zeros((40, width_px, 3), np.uint8)])], (ESTIMATED, TRUE))
+    for style in (ESTIMATED, TRUE):
+        for colour in (style.right, style.left, style.middle):
+            assert (drawn == colour).all(axis=-1).any(), colour
 
 
 def test_an_image_that_cannot_be_written_is_named(tmp_path):
