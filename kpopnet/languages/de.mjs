@@ -199,7 +199,7 @@ export default {
   "Phrase by phrase": "Phrase für Phrase",
   "Practise phrase {number}, which went worst ({total}), until {goal}": "Phrase {number}, die schwächste ({total}), bis {goal} üben",
   "Nothing was clearly wrong.": "Nichts war deutlich falsch.",
-  "score over the dance, 0 at the bottom, 100 at the top": "Punkte im Verlauf des Tanzes, unten 0, oben 100",
+  "Score, 0 at the bottom, 100 at the top; the worst moments are shaded": "Punkte, unten 0, oben 100; die schwächsten Momente sind schattiert",
   "posture of {part}": "Haltung: {part}",
   "Late (above) and early (below), up to {seconds} s": "Zu spät (oben) und zu früh (unten), bis {seconds} s",
   "delay over the dance": "Verspätung im Verlauf des Tanzes",

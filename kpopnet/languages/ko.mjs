@@ -199,7 +199,7 @@ export default {
   "Phrase by phrase": "구간별",
   "Practise phrase {number}, which went worst ({total}), until {goal}": "가장 아쉬운 구간 {number} ({total}점), {goal}점까지 연습하기",
   "Nothing was clearly wrong.": "뚜렷하게 틀린 곳이 없어요.",
-  "score over the dance, 0 at the bottom, 100 at the top": "춤이 흐르는 동안의 점수, 아래가 0, 위가 100",
+  "Score, 0 at the bottom, 100 at the top; the worst moments are shaded": "점수, 아래가 0, 위가 100. 음영은 가장 아쉬운 순간",
   "posture of {part}": "자세: {part}",
   "Late (above) and early (below), up to {seconds} s": "늦음 (위), 빠름 (아래), 최대 {seconds}초",
   "delay over the dance": "춤이 흐르는 동안의 박자 차이",

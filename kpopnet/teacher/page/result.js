@@ -91,7 +91,7 @@ export function showResult(main, { found, dance, body, movement }, practiseAt = 
     el("h2", {}, say("Worst moments")), momentList(found, watch),
     el("div", { class: "replay" }, el("div", { class: "panel" }, canvas, el("span", { class: "tag" }, say("teacher left, you right"))),
       el("div", { class: "controls" }, play, slider, time)),
-    el("h2", {}, say("Course of the dance")), course.picture, ...moreCourses(found, end_s),
+    el("h2", {}, say("Course of the dance")), el("p", { class: "quiet" }, say(COURSE)), course.picture, ...moreCourses(found, end_s),
     ...(found.faults.length ? [el("h2", {}, say("What to mend, the costliest first")), el("ol", {}, ...found.faults.map((text) => el("li", {}, say(text))))] : []),
     el("h2", {}, say("Phrase by phrase")), phraseTable(found, dance, watch, practiseAt),
   );
@@ -171,11 +171,13 @@ export function line(times_s, values, x, y) {
 
 const placed = (found, end_s) => (time_s) => 1000 * (time_s - found.from_s) / (end_s - found.from_s);
 
+const COURSE = "Score, 0 at the bottom, 100 at the top; the worst moments are shaded";
+
 // The score over the dance as a picture; phrases are marked, the worst moments shaded, a click chooses a time.
 function courseOf(found, dance, end_s, choose) {
   const span_s = end_s - found.from_s, x = placed(found, end_s), y = (value) => 145 - 1.4 * value;
   const picture = part("svg", { class: "course", id: "course", viewBox: "0 0 1000 150", preserveAspectRatio: "none", role: "img",
-    "aria-label": say("score over the dance, 0 at the bottom, 100 at the top") });
+    "aria-label": say(COURSE) });
   for (const one of found.worst) picture.append(part("rect", { class: "bad", x: x(one.start_s), y: 0, width: Math.max(x(one.end_s) - x(one.start_s), 4), height: 150 }));
   for (const one of found.phrases) picture.append(part("line", { class: "phrase", x1: x(one.start_s), x2: x(one.start_s), y1: 0, y2: 150 }));
   picture.append(line(found.course.time_s, found.course.total, x, y));
