@@ -93,6 +93,9 @@ def main() -> None:
         arguments.check_server("kpopnet live", given.port)
     with shared_live(given.source) as given.source:
         asked = watching(given)
+        if given.stream in PORTS:
+            to = given.port_out or PORTS[given.stream]
+            print(f"{given.stream} goes to UDP port {to} of this machine   (Ctrl+C ends)", flush=True)
         if given.no_page:
             watch_alone(asked)
             return
