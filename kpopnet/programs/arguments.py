@@ -53,7 +53,7 @@ LEFT_OUT = {"rotate": 0, "segmented": False, "loop": False}
 
 def tell_assumed_rate(source: DepthSource) -> None:
     """Says on standard error that a recording's frame rate is a guess."""
-    if not source.fps_is_known:
+    if not source.fps_is_known and source.frames != 1:
         text = f"the recording states no frame rate: {source.fps:g} images a second assumed; give the true one with --fps"
         print(text, file=sys.stderr)
 

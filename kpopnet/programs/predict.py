@@ -122,7 +122,8 @@ def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray,
             yield image
 
     overlay.write_video(out / "overlay.mp4", overlays(), source.fps)
-    title = f"{named(Path(source.name)).name}: {len(people)} {'person' if len(people) == 1 else 'people'}, {frames} images"
+    shown = f"{len(people)} {'person' if len(people) == 1 else 'people'}, {frames} {'image' if frames == 1 else 'images'}"
+    title = f"{named(Path(source.name)).name}: {shown}"
     save_png(out / "overlay.png", overlay.overlay_sheet(tiles, title))
     page = view_page(title, source.camera, times_s, [Shown(one.joints_camera_m, one.confidence) for one in people], clouds)
     write_whole(out / "view.html", page)

@@ -67,8 +67,9 @@ def test_joints_in_every_format_pictures_and_a_page(predict, tmp_path, monkeypat
 
 def test_a_rate_that_is_guessed_is_told(tmp_path, capsys):
     np.save(tmp_path / "a.npy", recording())
-    for fps, told in ((None, "no frame rate: 30 images a second assumed"), (15.0, "")):
-        tell_assumed_rate(open_depth(tmp_path / "a.npy", CAMERA, fps=fps))
+    np.save(tmp_path / "one.npy", recording()[:1])  # of a single image it changes nothing
+    for name, fps, told in (("a", None, "no frame rate: 30 images a second assumed"), ("a", 15.0, ""), ("one", None, "")):
+        tell_assumed_rate(open_depth(tmp_path / f"{name}.npy", CAMERA, fps=fps))
         assert told in (printed := capsys.readouterr().err) and bool(printed) == bool(told)
 
 
