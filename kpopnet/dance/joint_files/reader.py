@@ -191,7 +191,8 @@ def _read_npz(path: Path, fps: float | None) -> NamedPoints | Performance:
         return posed._replace(times_s=times_s, fps=stated_fps if posed.fps is None else posed.fps)
     name = next((name for name in ("keypoints3d_optim", "keypoints3d", "points") if name in found), None)
     if name is None:
-        raise InputError(f"{source}: expected an array joints_m, keypoints3d, poses, or points with names")
+        arrays = "joints_m (kpopnet predict makes it of depth), keypoints3d, poses, or points with names"
+        raise InputError(f"{source}: expected an array {arrays}")
     expect(name != "points" or "names" in found, source, "an array names, of its points")
     names, points = [str(one) for one in found["names"]] if name == "points" else COCO_NAMES, found[name]
     if confidence is not None:
