@@ -122,10 +122,12 @@ def draw(source: DepthSource, people: Sequence[PersonPose], times_s: np.ndarray,
             yield image
 
     overlay.write_video(out / "overlay.mp4", overlays(), source.fps)
-    shown = f"{len(people)} {'person' if len(people) == 1 else 'people'}, {frames} {'image' if frames == 1 else 'images'}"
-    title = f"{named(Path(source.name)).name}: {shown}"
+    counted = f"{len(people)} {'person' if len(people) == 1 else 'people'}, {frames} {'image' if frames == 1 else 'images'}"
+    title = f"{named(Path(source.name)).name}: {counted}"
     save_png(out / "overlay.png", overlay.overlay_sheet(tiles, title))
-    page = view_page(title, source.camera, times_s, [Shown(one.joints_camera_m, one.confidence) for one in people], clouds)
+    labels = [f"{number}" if len(people) > 1 else "" for number in range(1, len(people) + 1)]
+    shown = [Shown(one.joints_camera_m, one.confidence, label) for one, label in zip(people, labels, strict=True)]
+    page = view_page(title, source.camera, times_s, shown, clouds)
     write_whole(out / "view.html", page)
     written = [out / "overlay.png", out / "overlay.mp4", out / "view.html"]
     if gif:

@@ -15,7 +15,8 @@ from kpopnet.camera import Camera
 from kpopnet.errors import InputError
 from kpopnet.runtime.atomic_write import atomic_path
 from kpopnet.runtime.provenance import install_command
-from kpopnet.viz.drawing import ESTIMATED, enlarged, scene_tile, sheet, with_captions
+from kpopnet.skeleton import Joint
+from kpopnet.viz.drawing import BACKGROUND, ESTIMATED, TEXT, enlarged, scene_tile, sheet, with_captions
 
 VIDEO_WIDTH_PX, GIF_WIDTH_PX, TILE_WIDTH_PX = 640, 400, 320
 MOST_HEIGHT_PX = 2048
@@ -28,12 +29,19 @@ LEAST_GIF_FRAME_MS = 20
 def overlay_image(depth_m: np.ndarray, camera: Camera, people_camera_m: Sequence[np.ndarray], width_px: int) -> np.ndarray:
     """Draws the (15, 3) joints of people in metres, NaN where missing, over (H, W) depth in metres.
 
-    RGB, enlarged by the whole number that comes closest to `width_px`; even in width and height, as video codecs want.
+    Of several each has its number above the head, as their files have. RGB, enlarged by the whole number that comes closest to
+    `width_px`; even in width and height, as video codecs want.
     """
     # Of a narrow image the height is what limits it.
     factor = min(round(width_px / camera.width), MOST_HEIGHT_PX // camera.height)
     width_px = camera.width * max(1, factor)
     image = scene_tile(depth_m, camera, ((joints_m, ESTIMATED) for joints_m in people_camera_m), width_px)
+    for number, joints_m in enumerate(people_camera_m if len(people_camera_m) > 1 else (), 1):
+        u, v, z = camera.project(joints_m[Joint.HEAD])
+        if z > 0 and 0 <= u < camera.width and 0 <= v < camera.height:
+            at = round(u * max(1, factor)) - 8, max(round(v * max(1, factor)) - 28, 20)
+            for colour, width in ((BACKGROUND, 5), (TEXT, 2)):
+                cv2.putText(image, str(number), at, cv2.FONT_HERSHEY_SIMPLEX, 0.8, colour, width, cv2.LINE_AA)
     return np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
 
 

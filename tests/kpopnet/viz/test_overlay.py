@@ -11,12 +11,25 @@ from PIL import Image
 from programs import ROOT
 
 from kpopnet.camera import Camera
+from kpopnet.skeleton import Joint
 from kpopnet.viz.overlay import overlay_image, resized, save_gif, write_video
 
 
 def pictures(count=6):
     joints_m = [draw_joints(np.random.default_rng(number)) for number in range(count)]
     return [overlay_image(draw_depth(one), CAMERA, [one], 640) for one in joints_m]
+
+
+def test_several_people_are_numbered_and_one_who_is_missing_or_alone_is_not():
+    depth_m, joints_m, missing = np.full((60, 80), 3, np.float32), np.zeros((15, 3)), np.full((15, 3), np.nan)
+    joints_m[:] = 0, 0.5, 2.0
+    joints_m[Joint.HEAD] = 0, 0, 2.0
+    camera = Camera.centred(70.0, 80, 60)
+    alone, beside_a_missing_one, second = (
+        overlay_image(depth_m, camera, people, 640) for people in ([joints_m], [joints_m, missing], [missing, joints_m])
+    )
+    assert not np.array_equal(alone, beside_a_missing_one) and not np.array_equal(beside_a_missing_one, second)
+    assert np.array_equal(overlay_image(depth_m, camera, [missing] * 2, 640), overlay_image(depth_m, camera, [], 640))
 
 
 @pytest.mark.parametrize("library", ["av", "opencv"])
