@@ -72,8 +72,8 @@ def evaluate_dances(config: EvaluateConfig, folder: Path, see_teacher: SeeTeache
     by_scorer = f"by {run.main.scorer}"
     blocks: list[Block] = [
         *tables,
-        Heading("Scores by the experts' ranking"),
-        Picture("score_by_rank.png", "Scores over the experts' rank, one line per dance, red if in the wrong order"),
+        Heading("Scores by the labels' rank"),
+        Picture("score_by_rank.png", "Scores over the labels' rank, one line per dance, red if in the wrong order"),
         Heading(f"{plotted} over time"),
         "Values per window of the learner's dance, over its start time. To plot another dance: benchmark.dance=NAME.",
         Picture("timelines.png", f"Similarity, posture and delay of each learner of {plotted} over time, {by_scorer}"),
@@ -216,7 +216,7 @@ def score_by_rank(run: DanceRun) -> Figure:
     for panel in panels[:, 0]:
         panel.set_ylabel("score")
     for panel in panels[-1]:
-        panel.set_xlabel("rank by the experts, 1 = best")
+        panel.set_xlabel("rank by the labels, 1 = best")
     return figure
 
 
