@@ -66,6 +66,14 @@ def test_who_walks_away_from_a_slow_camera_is_followed() -> None:
     assert error_m(found, joints).mean(axis=1).max() < 0.05
 
 
+def test_who_walks_before_five_images_a_second_is_followed_without_a_lag() -> None:
+    joints = np.stack([cone_joints(-60, 4, place_m=(0, PLACE_M[1], 2.7 + 0.2 * t)) for t in range(5)])
+    tracker = Tracker(CAMERA)
+    tracker.start(joints[0])
+    found = [tracker.track(image, t / 5)[0] for t, image in enumerate(filmed(joints, CAMERA))]
+    assert error_m(np.array(found), joints).mean(axis=1).max() < 0.05
+
+
 @pytest.mark.parametrize("exchanged", [[Joint.RIGHT_FOOT, Joint.LEFT_FOOT], list(Joint)], ids=["crossed shins", "mirrored"])
 def test_exchanged_sides_are_corrected_while_standing_still(simulated, exchanged) -> None:
     depth, joints, camera = simulated
