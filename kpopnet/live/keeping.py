@@ -31,7 +31,7 @@ def free_path(folder: Path, kind: str, suffix: str) -> Path:
 
 
 WRITING = OSError, RuntimeError
-"""What h5py raises where a disk is full or gone, the latter when the file is closed."""
+"""What h5py raises where a disk is full or gone, the latter when a file is begun or closed."""
 
 
 class DepthRecorder:
@@ -54,7 +54,7 @@ class DepthRecorder:
         return None if writer is None else {"images": writer.images, "seconds": round(seconds, 1)}
 
     def start(self) -> None:
-        """Begins a recording, unless one goes on. Raises OSError where the folder cannot be written."""
+        """Begins a recording, unless one goes on. Raises WRITING where the folder cannot be written, or its disk is full."""
         with self._lock:
             if self._writer is None:
                 self._begin()

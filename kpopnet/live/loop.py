@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from kpopnet.errors import InputError
-from kpopnet.live.keeping import DepthRecorder, JointKeeper
+from kpopnet.live.keeping import WRITING, DepthRecorder, JointKeeper
 from kpopnet.live.streams import ReaderGoneError, Seen, open_stream
 from kpopnet.runtime.endings import OF_TERMINAL, of_the_disk
 from kpopnet.runtime.parallel import end_with_parent
@@ -205,7 +205,7 @@ class Watcher:
                 case "quit", _:
                     self._quit = True
                     self._hold(False)  # a recording that stands still would be waited for
-        except (OSError, InputError) as error:
+        except (InputError, *WRITING) as error:
             self._tell("said", {"text": f"not saved: {of_the_disk(error)}"})
 
     def _hold(self, paused: bool) -> None:

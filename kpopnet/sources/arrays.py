@@ -145,8 +145,11 @@ class DepthWriter:
     """
 
     def __init__(self, path: Path, camera: Camera) -> None:
+        """Raises OSError as `add`: on a full disk HDF5 makes a file at which it crashes."""
         shape = camera.height, camera.width
-        self.path, self._file = path, h5py.File(path, "w", libver="latest")
+        self.path = path
+        self._check_space()
+        self._file = h5py.File(path, "w", libver="latest")
         self._file.attrs["camera"] = astuple(camera)
         packed: dict[str, Any] = {"chunks": (1, *shape), "compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True}
         self._depth = self._file.create_dataset("depth_mm", (0, *shape), "<u2", maxshape=(None, *shape), **packed)
@@ -159,8 +162,7 @@ class DepthWriter:
 
         Raises OSError: less than LEAST_FREE_BYTES are free; HDF5 cannot close a file on a full disk.
         """
-        if shutil.disk_usage(self.path.parent).free < LEAST_FREE_BYTES:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
+        self._check_space()
         number, depth_mm = self.images, np.rint(depth_m * MM_PER_METRE)
         stored = np.where(depth_mm > MAX_DEPTH_MM, 0, depth_mm).astype("<u2")
         shuffled = stored.reshape(-1, 1).view(np.uint8).T.tobytes()
@@ -175,6 +177,10 @@ class DepthWriter:
 
     def close(self) -> None:
         self._file.close()
+
+    def _check_space(self) -> None:
+        if shutil.disk_usage(self.path.parent).free < LEAST_FREE_BYTES:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
 
 
 def _attribute(path: Path, file: h5py.File, name: str, expected: str) -> list[float] | None:

@@ -185,6 +185,15 @@ def test_joints_that_could_not_be_saved_are_not_begun(watch, in_turn, tmp_path):
     assert failed.startswith("not saved: ") and not any(content["keeping"] for kind, content in told if kind == "state")
 
 
+def test_a_disk_that_fills_while_a_recording_begins_leaves_the_joints(watch, in_turn, monkeypatch, tmp_path):
+    def full(*given: object) -> None:
+        raise RuntimeError("Unable to start swmr writing")
+
+    monkeypatch.setattr(keeping, "DepthWriter", full)
+    failed, saved = said(watch(Images(np.arange(9) / 10), {1: ("joints", True), 4: ("record", True)}))
+    assert failed == "not saved: Unable to start swmr writing" and "the joints of 8 images" in saved
+
+
 def test_joints_that_cannot_be_written_are_kept_for_as_long_as_a_dance_may_last(monkeypatch, tmp_path):
     monkeypatch.setattr(keeping, "MAX_DURATION_S", 0.5)
     keeper = keeping.JointKeeper(tmp_path)

@@ -75,6 +75,9 @@ def test_a_recording_ends_before_the_disk_is_full(tmp_path, monkeypatch):
         writer.add(METRES[1], 0.1)
     writer.close()
     assert len(list(open_depth(tmp_path / "depth.h5"))) == 1
+    with pytest.raises(OSError, match=os.strerror(errno.ENOSPC)):
+        DepthWriter(tmp_path / "other.h5", CAMERA)
+    assert not (tmp_path / "other.h5").exists()
 
 
 WRITER = """
