@@ -285,6 +285,7 @@ def _with_square_pixels(depth_m: np.ndarray, camera: Camera) -> tuple[np.ndarray
         return depth_m, camera
     sizes = [max(math.ceil(size / step - 0.5), 1) for size, step in zip((camera.width, camera.height), apart, strict=True)]
     columns, rows = (((np.arange(size) + 0.5) * step).astype(int) for size, step in zip(sizes, apart, strict=True))
+    columns, rows = columns.clip(max=camera.width - 1), rows.clip(max=camera.height - 1)  # one pixel may stand for all
     cx, cy = ((at - (step - 1) / 2) / step for at, step in zip((camera.cx, camera.cy), apart, strict=True))
     square_m = np.ascontiguousarray(depth_m[..., rows, :][..., columns])
     return square_m, Camera(camera.fx / apart[0], camera.fy / apart[1], cx, cy, sizes[0], sizes[1])

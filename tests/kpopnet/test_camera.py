@@ -89,6 +89,12 @@ def test_of_pixels_that_are_not_square_the_nearest_of_square_ones_are_taken(fx, 
         assert square_m[0, row, column] in near and -0.6 < u < width - 0.4 and -0.6 < v < height - 0.4
 
 
+@pytest.mark.parametrize(("fx", "fy", "size"), [(30.0, 3000.0, (1, 32)), (3000.0, 30.0, (24, 1))])
+def test_pixels_higher_than_twice_the_image_are_one_row(fx, fy, size):
+    fewer_m, camera = subsampled(np.ones((24, 32), np.float32), Camera(fx, fy, 16, 12, 32, 24))
+    assert fewer_m.shape == (camera.height, camera.width) == size
+
+
 def test_what_is_no_depth_is_not_measured():
     depth = person(2.5, np.float64)
     depth[0, 0, :6] = np.nan, np.inf, -np.inf, -1, 1e300, 1e16
