@@ -28,6 +28,7 @@ from kpopnet.tracker.refine import compile_refining
 
 PORT = 8473
 FOLDER = Path("outputs/live")
+OF_PAGE = ("host", "port", "no_browser", "data")
 
 
 def parsed() -> argparse.Namespace:
@@ -44,7 +45,11 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--no-page", action="store_true", help="stream without a page; ends with the recording")
     arguments.add_depth(parser)
     arguments.add_address(parser, PORT)
-    return parser.parse_args()
+    given = parser.parse_args()
+    for name in OF_PAGE if given.no_page else ():
+        if getattr(given, name) != parser.get_default(name):
+            raise InputError(f"--{name.replace('_', '-')}: is of the page, which --no-page leaves out; drop one of the two")
+    return given
 
 
 def watching(given: argparse.Namespace) -> Watching:

@@ -12,7 +12,7 @@ from programs import ROOT
 
 def test_a_recording_is_streamed_to_its_end_without_a_page(program, tmp_path):
     write_recording(tmp_path)
-    printed = program("live", tmp_path / "two.npz", "--no-page", "--stream", "json", "--data", tmp_path / "kept")
+    printed = program("live", tmp_path / "two.npz", "--no-page", "--stream", "json")
     images = [json.loads(line) for line in printed.splitlines()]
     assert 2 <= len(images) <= FRAMES and [one["image"] for one in images] == list(range(len(images)))
     assert (np.diff([one["time_s"] for one in images]) > 0).all() and images[0]["time_s"] == 0
@@ -30,7 +30,7 @@ def test_a_stream_by_udp_says_its_port(program, tmp_path):
 
 def test_a_reader_that_ends_ends_the_stream_in_silence(tmp_path):
     write_recording(tmp_path)
-    words = ["live", tmp_path / "two.npz", "--loop", "--no-page", "--stream", "csv", "--data", tmp_path]
+    words = ["live", tmp_path / "two.npz", "--loop", "--no-page", "--stream", "csv"]
     command = [sys.executable, "-m", "kpopnet.cli", *map(str, words)]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
         assert program.stdout.readline().startswith("image,identity")
@@ -51,6 +51,9 @@ def test_a_reader_that_ends_ends_the_stream_in_silence(tmp_path):
         (("tcp:127.0.0.1:9", "--fps", "0"), "--fps: a live camera"),
         (("tcp:127.0.0.1:9", "--loop"), "--loop: a live camera"),
         (("nothing.npz", "--port", "-1"), "--port -1"),
+        (("nothing.npz", "--no-page", "--stream", "json", "--host", "0.0.0.0"), "--host: is of the page"),
+        (("nothing.npz", "--no-page", "--stream", "json", "--no-browser"), "--no-browser: is of the page"),
+        (("nothing.npz", "--no-page", "--stream", "json", "--data", "kept"), "--data: is of the page"),
     ],
 )
 def test_a_mistake_is_one_line(program, words, told):
