@@ -6,6 +6,7 @@ limits are no sandbox: they stop accidents, not code that runs.
 """
 
 import json
+import logging
 import math
 import os
 import pickle
@@ -22,6 +23,8 @@ import numpy as np
 from kpopnet.errors import InputError
 from kpopnet.runtime.cpu import own_python
 from kpopnet.runtime.input_files import first_line
+
+log = logging.getLogger(__name__)
 
 R = TypeVar("R")
 
@@ -43,6 +46,7 @@ def read_in_child(
 
     `reader` is a function of a module, which the child imports: about 0.2 s for numpy. Its result is made of None, bool, int,
     float, str, arrays of numbers or text, and of lists, tuples and dictionaries by name of these; lists come back as tuples.
+    What the reader warns of is logged here.
     Raises InputError as the reader does, or if the reader raised another exception, crashed, or needed more than `seconds` or
     `memory_bytes` of address space.
     """
@@ -78,6 +82,9 @@ def iterate_in_child(
                 return
             if kind == "error":
                 raise InputError(value)
+            if kind == "warning":
+                log.warning("%s", InputError(value))  # which escapes what is no text
+                continue
             yield value
     finally:
         child.kill()
@@ -175,7 +182,12 @@ def serve() -> None:
         send((kind, value), answers)
         _end_after(seconds)
 
+    class Warnings(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            answer("warning", record.getMessage())
+
     answer("ready")
+    logging.getLogger("kpopnet").addHandler(Warnings(logging.WARNING))
     try:
         for item in reader(path, *args):
             answer("item", item)

@@ -1,5 +1,6 @@
 """Opens a recording of depth of any known kind."""
 
+import logging
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import astuple
@@ -136,6 +137,7 @@ def _without_images(path: Path, key: str | None) -> dict:
 
 
 def _images(path: Path, key: str | None) -> Iterator[StoredImage]:
+    logging.disable()  # this process is a child: its warnings were told with what the recording states
     return _read(path, key).images()
 
 

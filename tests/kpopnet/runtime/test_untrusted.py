@@ -1,6 +1,7 @@
 """A stranger's file harms the child that reads it, and nothing else."""
 
 import io
+import logging
 import os
 import pickle
 import subprocess
@@ -19,6 +20,7 @@ from kpopnet.runtime.untrusted import iterate_in_child, read_in_child, received,
 
 def powers(path: Path, count: int, power: int) -> dict[str, np.ndarray]:
     print("a library that prints")
+    logging.getLogger("kpopnet.somewhere").warning("%s: \x1b[2J of an unknown unit", path.name)
     return {path.name: np.arange(count) ** power}
 
 
@@ -69,9 +71,10 @@ def test_the_reader_s_standard_input_is_not_the_pipe_that_is_watched() -> None:
     assert read_in_child(standard_input, os.devnull) is True
 
 
-def test_the_reader_runs_in_another_process_and_its_result_comes_back() -> None:
+def test_the_reader_runs_in_another_process_and_its_result_and_warnings_come_back(caplog) -> None:
     result = read_in_child(powers, "some/file.bvh", 5, 3)
     assert list(result) == ["file.bvh"] and result["file.bvh"].tolist() == [0, 1, 8, 27, 64]
+    assert caplog.messages == [r"file.bvh: \x1b[2J of an unknown unit"]
 
 
 def test_items_come_one_by_one_and_the_child_ends_with_the_loop() -> None:

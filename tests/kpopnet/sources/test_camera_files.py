@@ -2,11 +2,13 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 
 from kpopnet.camera import CAMERAS, Camera
 from kpopnet.errors import InputError
+from kpopnet.sources import open_depth
 from kpopnet.sources.camera_files import read_optics
 from kpopnet.sources.lenses import Lens
 
@@ -66,6 +68,10 @@ def test_the_lens_is_what_the_file_states_and_an_unknown_model_is_told(tmp_path,
     assert not caplog.text
     unknown = REALSENSE | {"coeffs": [0.2, 0.1, 0, 0, 0], "model": "distortion.inverse_brown_conrady"}
     assert read_optics(written(tmp_path, unknown)).lens is None and "inverse_brown_conrady is not known" in caplog.text
+    caplog.clear()
+    cv2.imwrite(str(tmp_path / "0.png"), np.full((unknown["height"], unknown["width"]), 2000, np.uint16))
+    list(open_depth(tmp_path, in_child=True))
+    assert "inverse_brown_conrady is not known" in caplog.text and len(caplog.messages) == 1
 
 
 @pytest.mark.parametrize(
