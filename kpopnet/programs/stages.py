@@ -53,7 +53,11 @@ def stages_of(path: Path, frame: int, camera_name: str, start: str = "auto") -> 
     if not 0 < frame < len(recorded):
         raise InputError(f"{path}: frame {frame} of {len(recorded)}; frames count from 0, and one before it is needed")
     check_budget(path, 8 * (frame + 1) * recorded[0].size, f"depth and person of {frame + 1} frames")
-    person_m = extract_person(sequence_in_metres(recorded[: frame + 1], camera), camera)
+    try:
+        depth_m = sequence_in_metres(recorded[: frame + 1], camera)
+    except InputError as error:
+        raise InputError(f"{path}, read with --camera {camera_name}: {error}") from error
+    person_m = extract_person(depth_m, camera)
     tracker = Tracker(camera, start)
     paper_tracker = PaperTracker(camera, PaperTrackerConfig(repaired=True))
     for depth_m in tqdm(person_m[:-1], "frames", disable=None):  # no bar in a log file

@@ -79,7 +79,10 @@ def read_npz_depth(path: Path, key: str | None) -> Recording:
         given, where = known["intrinsics"].astype(float), f"{path}: intrinsics"
         expect(given.shape in ((4,), (3, 3)), where, f"fx, fy, cx, cy or a 3x3 matrix, found shape {given.shape}")
         if given.shape == (3, 3):
-            camera = Camera.from_intrinsics(given, width, height)
+            try:
+                camera = Camera.from_intrinsics(given, width, height)
+            except InputError as error:
+                raise InputError(f"{where}: {error}") from error
         else:
             camera = Camera.from_numbers([*given.tolist(), width, height], where)
 

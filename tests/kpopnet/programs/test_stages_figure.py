@@ -48,3 +48,8 @@ def test_recordings_need_no_start_pose(draw) -> None:
 @pytest.mark.parametrize(("size", "message"), [((3, 240, 320), "no person"), ((240, 320), "depth that numpy.save wrote")])
 def test_errors_are_one_line(draw, tmp_path, size, message: str) -> None:
     assert message in draw(np.zeros(size, np.uint16), fails=True) and not (tmp_path / "stages.png").exists()
+
+
+def test_images_of_another_camera_are_refused_with_the_file_and_the_word(draw) -> None:
+    told = draw(np.full((3, 240, 320), 2000, np.uint16), "--camera", "kinect_2", fails=True)
+    assert "depth.npy, read with --camera kinect_2: depth sequence: expected the camera's 512x424 pixels" in told

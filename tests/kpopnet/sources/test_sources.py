@@ -211,6 +211,9 @@ def test_the_camera_comes_from_a_preset_a_file_an_angle_or_a_focal_length(tmp_pa
     for intrinsics in (matrix, astuple(CAMERA)[:4]):
         np.savez(tmp_path / "b.npz", depth=MILLIMETRES, intrinsics=intrinsics)
         assert open_depth(tmp_path / "b.npz").camera == CAMERA
+    np.savez(tmp_path / "b.npz", depth=MILLIMETRES, intrinsics=np.transpose(matrix))
+    with pytest.raises(InputError, match=r"b\.npz: intrinsics: camera matrix .* expected \[\[fx, 0, cx\]"):
+        open_depth(tmp_path / "b.npz")
 
 
 def test_the_array_is_the_named_one_the_known_one_or_the_only_one(tmp_path):
