@@ -237,13 +237,15 @@ def check_live(given: argparse.Namespace, address: str, estimator: PoseEstimator
     with closing(NewestImage(camera)) as images:
         stream = answers(images, camera.camera, estimator)
         print("put a chair about 3 m before the camera, and stand before it until you are found", flush=True)
-        steady, began, kernels = 0, time.monotonic(), CompiledKernels()
+        steady, is_found, began, kernels = 0, False, time.monotonic(), CompiledKernels()
         for answer in stream:
-            steady = steady + 1 if answer.people and answer.delay_s < STEADY_S else 0
+            is_found = bool(answer.people)
+            steady = steady + 1 if is_found and answer.delay_s < STEADY_S else 0
             if steady == STEADY_FRAMES or time.monotonic() - began > NOBODY_PATIENCE_S + kernels.count:
                 break
         print(
-            f"{'you are found' if steady else 'no person was found'}; leave the camera's view within {READY_S:g} s", flush=True
+            f"{'you are found' if is_found else 'no person was found'}; leave the camera's view within {READY_S:g} s",
+            flush=True,
         )
         longer_s = max(60 * given.empty - step_s("come in")[0], 0.0)
         start, dropped = time.monotonic() + READY_S + longer_s, images.dropped

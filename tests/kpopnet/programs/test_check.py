@@ -225,6 +225,21 @@ def test_a_person_before_a_live_camera_is_told_what_to_do(check, shorter, monkey
     assert "SIMULATED" not in printed
 
 
+def test_who_is_found_slowly_is_found(monkeypatch, capsys):
+    class Short(Live):
+        images = 3
+
+        def read(self):
+            self.images -= 1
+            return (seen(1.0), time.monotonic()) if self.images >= 0 else None
+
+    for name, value in (("open_live", Short), ("STEADY_S", 0), ("NOBODY_PATIENCE_S", 0)):
+        monkeypatch.setattr(f"kpopnet.programs.check.{name}", value)
+    with pytest.raises(InputError, match="the script takes 60 s"):
+        kpopnet.programs.check.check_live(SimpleNamespace(source="oak", rotate=0, empty=0.0), "oak", Estimator())
+    assert "you are found; leave" in capsys.readouterr().out
+
+
 def test_a_camera_that_fails_is_one_line(check, shorter, monkeypatch):
     class Failing(Live):
         def read(self):
