@@ -6,6 +6,7 @@ joints or None.
 """
 
 import contextlib
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,6 +28,8 @@ from kpopnet.teacher.live.lesson import CameraOpener, DanceClock, Lesson
 from kpopnet.teacher.live.score import Calibration, DanceTry, kept_formation, together
 from kpopnet.teacher.live.webcam import NO_DEPTH_M, SeenPicture, WebcamCamera, WebcamEstimator
 from kpopnet.teacher.live.words import rounded
+
+log = logging.getLogger(__name__)
 
 PICTURE_WIDTH = 160
 NEAR_M, FAR_M = 0.5, 5.5
@@ -62,9 +65,10 @@ def load_estimator(checkpoint: str | None, people: int = PEOPLE, mode: str = "re
     if checkpoint != "tracker":
         try:
             return PoseEstimator.load(checkpoint, mode, people)
-        except InputError:
+        except InputError as error:
             if checkpoint is not None:
                 raise
+            log.warning("%s; the tracker without a network estimates the joints, with larger errors", error)
     return PoseEstimator(None, "tracker", people)
 
 

@@ -347,3 +347,15 @@ def test_lessons_make_two_passes_and_know_the_errors_of_what_sees_no_later_image
     estimator = loop.load_estimator(None, mode="best")
     assert estimator.mode == "best" and loop.noise_of(estimator) == "realtime"
     assert loop.noise_of(PoseEstimator(None, "tracker")) == "tracker"
+
+
+def test_a_network_that_does_not_load_is_told_where_the_tracker_stands_in(monkeypatch, caplog):
+    def damaged(*given: object) -> PoseEstimator:
+        raise InputError("model.safetensors: damaged")
+
+    monkeypatch.setattr(loop.PoseEstimator, "load", damaged)
+    assert loop.load_estimator(None).mode == "tracker"
+    assert "model.safetensors: damaged; the tracker without a network estimates the joints" in caplog.text
+    with pytest.raises(InputError, match="damaged"):
+        loop.load_estimator("outputs/best")
+    assert loop.load_estimator("tracker").mode == "tracker"
