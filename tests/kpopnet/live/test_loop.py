@@ -3,9 +3,11 @@
 import contextlib
 import errno
 import os
+import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,8 +22,8 @@ from kpopnet.live.loop import Watcher, Watching
 from kpopnet.live.streams import Seen
 from kpopnet.pose import PersonPose
 from kpopnet.sources import open_depth
-from kpopnet.sources.live import Image
-from kpopnet.sources.source import CameraAwayError, LiveCamera
+from kpopnet.sources.live import Image, PlayedRecording
+from kpopnet.sources.source import CameraAwayError, LiveCamera, TimedDepth
 
 
 class Estimator:
@@ -54,7 +56,7 @@ class Images(LiveCamera):
 def watch(monkeypatch, tmp_path):
     monkeypatch.setattr(loop, "load_estimator", lambda *given: Estimator())
 
-    def run(camera: Images, orders: dict[int, tuple]) -> list[tuple[str, dict]]:
+    def run(camera: LiveCamera, orders: dict[int, tuple]) -> list[tuple[str, dict]]:
         """Watches with these orders by number of the question for them; what the page is told."""
         told, asked = [], iter(range(10**9))
 
@@ -176,6 +178,34 @@ def test_what_is_never_saved_is_not_kept(watch, monkeypatch):
     monkeypatch.setattr(keeping.JointKeeper, "add", lambda _, one: seen.append(one))
     watch(Images([0.0, 0.1, 0.2]), {})
     assert seen and all(person.network is None for one in seen for person in one.people)
+
+
+def test_the_page_is_told_when_images_were_taken_and_how_many_come_a_second(watch, in_turn, monkeypatch):
+    now_s, wall_s = [0.0], 5000.0
+    clock = SimpleNamespace(monotonic=lambda: now_s[0], time=lambda: now_s[0] + wall_s)
+    monkeypatch.setattr(loop, "time", clock)
+    camera = Images(np.arange(9) / 4 + 0.125, lambda: now_s.append(now_s.pop() + 0.25))
+    frames = [content for kind, content in watch(camera, {0: ("watched", True)}) if kind == "frame"]
+    assert [one["fps"] for one in frames] == [None, *[4.0] * 7]
+    assert [one["delay_ms"] for one in frames] == [125] * 8
+    assert frames[0]["taken_ms"] == 1000 * (wall_s + 0.375)
+
+
+def test_images_that_are_left_out_are_counted(watch):
+    times_s = np.arange(300) / 10
+    frames = [content for kind, content in watch(Images(times_s), {0: ("watched", True)}) if kind == "frame"]
+    assert frames[-1]["dropped"] > 0 and 1 + len(frames) + frames[-1]["dropped"] == len(times_s)  # the first one compiles
+
+
+def test_a_recording_that_is_paused_before_joints_come_is_heard_and_can_be_left(watch):
+    images = [TimedDepth(number / 10, np.full((240, 320), 4, np.float32)) for number in range(9)]
+    played = PlayedRecording(lambda: SimpleNamespace(camera=CAMERA, timed=lambda: iter(images)))
+    told: list[tuple[str, dict]] = []
+    orders = {0: ("pause", True), 5: ("quit",)}
+    watching = threading.Thread(target=lambda: told.extend(watch(played, orders)), daemon=True)
+    watching.start()
+    watching.join(4)  # a camera that stands still is waited for 5 s
+    assert [content["paused"] for kind, content in told if kind == "state"] == [True, False]
 
 
 def test_joints_that_could_not_be_saved_are_not_begun(watch, in_turn, tmp_path):

@@ -42,6 +42,7 @@ def text(data: bytes, at: int) -> tuple[str, int]:
 def decoded(packet: bytes) -> list[tuple]:
     """The messages of an OSC packet: address and values."""
     if packet.startswith(b"#bundle\0"):
+        assert packet[8:16] == struct.pack(">Q", 1)  # at once
         found, at = [], 16
         while at < len(packet):
             (size,) = struct.unpack_from(">i", packet, at)
