@@ -9,6 +9,8 @@ import pytest
 from live_people import FRAMES, write_recording
 from programs import ROOT
 
+from kpopnet.programs import arguments
+
 
 def test_a_recording_is_streamed_to_its_end_without_a_page(program, tmp_path):
     write_recording(tmp_path)
@@ -64,6 +66,23 @@ def test_a_page_needs_its_server_library_and_a_stream_alone_does_not(program, mo
     monkeypatch.setitem(sys.modules, "aiohttp", None)
     assert '[app]"' in program("live", tmp_path, fails=True)
     assert "no such recording" in program("live", tmp_path / "nothing.npz", "--no-page", "--stream", "osc", fails=True)
+
+
+def test_the_words_of_the_command_line_reach_what_watches(program, monkeypatch, tmp_path):
+    hosting, asked, known = pytest.importorskip("kpopnet.teacher.hosting"), [], []
+    monkeypatch.setattr(hosting, "host", lambda make, *given, out, **others: asked.append((*make.args, out)))
+    monkeypatch.setattr("kpopnet.sources.opening.read_in_child", lambda reader, *given: reader(*given))
+    monkeypatch.setattr(arguments, "tell_assumed_rate", lambda source: known.append(source.fps_is_known))
+    np.savez(tmp_path / "a.npz", depth_mm=np.full((2, 24, 32), 2000, np.uint16))
+    of_recording = ("--fov", 60, "--loop", "--rotate", 90)
+    program("live", tmp_path / "a.npz", *of_recording, "--people", 3, "--stream", "json", "--data", tmp_path)
+    program("live", "tcp:127.0.0.1:9", "--rotate", 180, "--checkpoint", "tracker", "--stream", "osc", "--port-out", 9001)
+    (recording, out), (live, other) = asked
+    open_source, is_in_a_loop = recording.open_camera.args
+    assert is_in_a_loop and 90 in open_source.args
+    assert (recording.people, recording.stream, recording.folder) == (3, "json", tmp_path) and known == [False]
+    assert live.open_camera.args == ("tcp:127.0.0.1:9", 180) and (live.checkpoint, live.port) == ("tracker", 9001)
+    assert (out, other) == (sys.stderr, sys.stdout)  # lines of JSON are alone on the standard output
 
 
 def test_the_server_ends_later_than_what_it_saves(program, monkeypatch):
