@@ -1,5 +1,7 @@
 """The finder around a network that knows the answer, and bad input."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
@@ -35,6 +37,24 @@ class Knowing(torch.nn.Module):
         votes = torch.stack([middle - x, -y, 2 - z], 1)
         logit = torch.where(person, 4.0, -4.0)
         return Seen(logit, votes)
+
+
+def test_people_come_in_the_order_in_which_they_were_first_found(monkeypatch):
+    """Of whom the camera sees most may change; the first ones are those who get joints."""
+    places_m = np.array([[0.0, 0, 2], [1.0, 0, 2]], np.float32)
+    boxes = np.array([[0, 0, 5, 5], [10, 10, 15, 15]])
+    order = iter([[0, 1], [1, 0]])
+
+    def candidates(*given: object) -> SimpleNamespace:
+        return SimpleNamespace(centres_m=places_m[next(order)], certainty=np.array([0.9, 0.9]), cells=None)
+
+    monkeypatch.setattr(finder_module, "candidates_in", candidates)
+    monkeypatch.setattr(finder_module, "refine_masks", lambda *given: (np.zeros((480, 640), np.uint8), boxes))
+    finder = PersonFinder(CAMERA)
+    for _ in range(2):
+        found = finder.extract(scene())
+        assert [human.identity for human in found] == [0, 1]
+        np.testing.assert_array_equal([human.centre_m for human in found], places_m)
 
 
 def run_by_torch(network):

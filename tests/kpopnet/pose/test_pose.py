@@ -20,7 +20,7 @@ from kpopnet.paper_extraction import PaperExtractionConfig, PaperExtractor
 from kpopnet.paper_tracker.tracker import PaperTrackerEstimator
 from kpopnet.pose import PoseEstimator
 from kpopnet.pose.extraction import extract_person
-from kpopnet.pose.person import SECOND_PASS_CONFIDENCE, DetectedPerson, PersonEstimator, detected
+from kpopnet.pose.person import SECOND_PASS_CONFIDENCE, DetectedPerson, PersonEstimator, Pose, detected
 from kpopnet.sources import open_depth
 from kpopnet.sources.source import TimedDepth
 from kpopnet.tracker.estimator import TrackerEstimator, TrackerEstimatorConfig
@@ -381,3 +381,11 @@ def test_the_first_of_a_recordings_people_is_who_is_seen_longest():
     assert seen[0] > seen[1]
     (main,) = PoseEstimator(Blob(), people=1).estimate(frames, ROOM_CAMERA)
     assert main.identity == first.identity
+
+
+def test_the_main_person_is_the_one_seen_in_most_images(monkeypatch):
+    estimator = PoseEstimator(Blob())
+    pose, found = Pose(POSE_M, np.ones(15, np.float32)), iter([(0,), (0, 1), (1,), (1, 2), (2,)])
+    monkeypatch.setattr(estimator, "_found", lambda *image: dict.fromkeys(next(found), pose))
+    (person,) = estimator.estimate(np.zeros((5, 60, 80), np.uint16), CAMERA)
+    assert person.identity == 1 and person.confidence.any(axis=1).tolist() == [False, True, True, True, False]

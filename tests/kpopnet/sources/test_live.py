@@ -1,5 +1,6 @@
 """Live cameras by name, recordings that are played as cameras, and recordings of cameras, also after a kill."""
 
+import contextlib
 import errno
 import os
 import signal
@@ -104,6 +105,18 @@ def test_a_kill_leaves_a_recording_that_opens(tmp_path):
     assert len(read) >= images
     for number, image in enumerate(read):
         assert image.time_s == number / 30 and image.depth_m.min() == np.float32((number + 1) / 1000)
+
+
+def test_a_camera_that_is_back_is_not_away(tmp_path):
+    reads = [CameraAwayError("gone"), (METRES[0], 1.0), None]
+
+    def read():
+        if isinstance(one := reads.pop(0), CameraAwayError):
+            raise one
+        return one
+
+    with contextlib.closing(NewestImage(SimpleNamespace(read=read, close=lambda: None))) as images:
+        assert images.fetch(10.0).taken == 1.0 and images.away == ""
 
 
 def test_what_a_camera_says_can_be_said_in_the_language_of_the_page():

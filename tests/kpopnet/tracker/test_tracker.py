@@ -199,6 +199,9 @@ def test_a_person_is_lost_after_a_second_by_the_times_of_the_images(fps: float, 
     assert tracker.started != lost
     tracker.miss(0.0)
     assert tracker.started != lost, "a clock that is put back tells nothing"
+    for time_s in times_s[:70] - times_s[0]:
+        tracker.miss(time_s)
+    assert not tracker.started, "and from there on it goes on"
 
 
 def test_after_seconds_without_an_image_a_start_is_looked_for_and_the_pose_is_not_kept() -> None:
