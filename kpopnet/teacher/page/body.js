@@ -33,9 +33,10 @@ const CLOTHES = [
   [/Head|Neck|Hand|Thumb|Finger/, "skin"], [/Foot|Toe/, "shoes"], [/Hips|Leg|LowerBack/, "waist"], [/./, "shirt"],
 ];
 const WAIST_M = 0.05; // above the hips' bone: where trousers end
+const BROW_M = 0.09; // above the head's bone: where hair begins in front of it, behind it at its height
 const COLOURS = {
-  teacher: { skin: "#d9a57e", shoes: "#2b2b33", trousers: "#3d4b78", shirt: "#b05bc4" },
-  learner: { skin: "#b98a68", shoes: "#2b2b33", trousers: "#56606b", shirt: "#e0a43a" },
+  teacher: { skin: "#d9a57e", hair: "#3a2a22", shoes: "#2b2b33", trousers: "#3d4b78", shirt: "#b05bc4" },
+  learner: { skin: "#b98a68", hair: "#1f1b1a", shoes: "#2b2b33", trousers: "#56606b", shirt: "#e0a43a" },
 };
 
 function geometryOf(found, colours) {
@@ -51,9 +52,12 @@ function geometryOf(found, colours) {
   for (let vertex = 0; vertex < shown.length / 3; vertex++) {
     let heaviest = 0;
     for (let k = 1; k < 4; k++) if (found.weights[4 * vertex + k] > found.weights[4 * vertex + heaviest]) heaviest = k;
-    const piece = pieces[found.bones[4 * vertex + heaviest]];
-    const above = found.vertices[3 * vertex + 2] > waist_m;
-    paint[piece !== "waist" ? piece : above ? "shirt" : "trousers"].toArray(shown, 3 * vertex);
+    const bone = found.bones[4 * vertex + heaviest], [, head_y, head_z] = found.heads_m[bone];
+    const [, y, z] = found.vertices.subarray(3 * vertex, 3 * vertex + 3);
+    let piece = pieces[bone];
+    if (piece === "waist") piece = z > waist_m ? "shirt" : "trousers";
+    if (found.names[bone] === "Head" && z > head_z + (y > head_y ? 0 : BROW_M)) piece = "hair"; // at rest it faces -y
+    paint[piece].toArray(shown, 3 * vertex);
   }
   geometry.setAttribute("color", new BufferAttribute(shown, 3));
   geometry.computeVertexNormals();

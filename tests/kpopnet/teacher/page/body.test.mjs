@@ -44,6 +44,16 @@ test("a movement that begins later is shown later", () => {
   assert.ok(Math.abs(dancer.bones[0].position.z - 2) < 1e-6);
 });
 
+test("hair is dark above the brow and behind the ears, and neither on a face nor on a neck", () => {
+  const places = [[0, -0.1, 1.72], [0, 0, 1.78], [0, -0.1, 1.65], [0, 0.1, 1.65], [0, 0.1, 1.5]]; // brow, crown, face, back of the head, nape
+  const body = {
+    ...BODY, names: ["Hips", "Head"], heads_m: [[0, 0, 1], [0, 0, 1.6]],
+    vertices: new Float32Array(places.flat()), bones: new Uint16Array(20).fill(1), weights: new Float32Array(20).fill(0.25),
+  };
+  const shown = new Dancer(body, "teacher").mesh.geometry.attributes.color.array;
+  assert.deepEqual(places.map((_, vertex) => shown[3 * vertex] < 0.2), [true, true, false, true, false]);
+});
+
 test("a group is seen from its left to its right, in a wide picture and on a phone", () => {
   for (const [aspect, least_m] of [[1.5, 3.8], [187 / 248, 6]]) {
     for (const half_m of [0, 1.2, 4.8]) {
