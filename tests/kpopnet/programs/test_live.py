@@ -26,7 +26,7 @@ def test_a_recording_is_streamed_to_its_end_without_a_page(program, tmp_path):
 def test_a_stream_by_udp_says_its_port(program, tmp_path):
     wall = np.full((3, 60, 80), 3000, np.uint16)
     np.savez(tmp_path / "wall.npz", depth_mm=wall, camera=(70.0, 70.0, 39.5, 29.5, 80, 60), fps=30)
-    words = ("--no-page", "--stream", "osc", "--port-out", 9009, "--data", tmp_path)
+    words = ("--no-page", "--stream", "osc", "--port-out", 9009)
     assert program("live", tmp_path / "wall.npz", *words).startswith("osc goes to UDP port 9009 of this machine")
 
 
