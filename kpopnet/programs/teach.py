@@ -310,7 +310,11 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--live", metavar="CAMERA", help=f"a camera that watches you. {cameras}")
     parser.add_argument("--depth", type=Path, help="a recording of depth that stands in for a camera")
     parser.add_argument("--checkpoint", help="network that estimates the pose; tracker for the tracker without a network")
-    return parser.parse_args()
+    parser.add_argument("others", nargs="*", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.others:
+        raise InputError(f"{given.others[0]}: kpopnet teach takes no file; kpopnet teach add FILE adds a dance")
+    return given
 
 
 @user_errors

@@ -111,6 +111,7 @@ def test_a_dance_before_a_depth_camera_is_added(run, tmp_path, danced):
 
 
 MISTAKES = {
+    ("mama.bvh", "--no-browser"): "mama.bvh: kpopnet teach takes no file; kpopnet teach add FILE adds a dance",
     ("add", "missing.bag"): "missing.bag: no such file or folder",
     ("--title", "Mama", "add", "missing.pkl"): "pickle",
     ("add", "notes.txt"): "notes.txt: expected joints in a file .npz, .bvh, ",
