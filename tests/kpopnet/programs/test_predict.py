@@ -104,11 +104,13 @@ def test_joints_are_kept_where_the_pictures_cannot_be_made(predict, tmp_path):
     assert np.load(tmp_path / "out" / "joints.npz")["joints_m"].shape == (FRAMES, 15, 3)
 
 
-def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(predict, tmp_path):
+def test_segmented_depth_needs_nobody_to_be_found_and_the_files_camera_is_used(predict, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr("kpopnet.programs.predict.tell_assumed_rate", lambda source: asked.append(source.fps_is_known))
     images = np.zeros((2, 240, 320), np.uint16)
     images[:, 60:200, 140:180] = 2500
     np.savez(tmp_path / "a.npz", depth=images, camera=astuple(CAMERAS["kinect_v1"]))
-    assert "person 1: in 2 of 2 images" in predict(tmp_path / "a.npz", "--segmented")
+    assert "person 1: in 2 of 2 images" in predict(tmp_path / "a.npz", "--segmented") and asked == [False]
 
 
 def test_times_since_1970_become_times_since_the_first_image(predict, tmp_path):
