@@ -33,13 +33,12 @@ def overlay_image(depth_m: np.ndarray, camera: Camera, people_camera_m: Sequence
     `width_px`; even in width and height, as video codecs want.
     """
     # Of a narrow image the height is what limits it.
-    factor = min(round(width_px / camera.width), MOST_HEIGHT_PX // camera.height)
-    width_px = camera.width * max(1, factor)
-    image = scene_tile(depth_m, camera, ((joints_m, ESTIMATED) for joints_m in people_camera_m), width_px)
+    factor = max(min(round(width_px / camera.width), MOST_HEIGHT_PX // camera.height), 1)
+    image = scene_tile(depth_m, camera, ((joints_m, ESTIMATED) for joints_m in people_camera_m), factor * camera.width)
     for number, joints_m in enumerate(people_camera_m if len(people_camera_m) > 1 else (), 1):
         u, v, z = camera.project(joints_m[Joint.HEAD])
         if z > 0 and 0 <= u < camera.width and 0 <= v < camera.height:
-            at = round(u * max(1, factor)) - 8, max(round(v * max(1, factor)) - 28, 20)
+            at = round(factor * u) - 8, max(round(factor * v) - 28, 20)
             for colour, width in ((BACKGROUND, 5), (TEXT, 2)):
                 cv2.putText(image, str(number), at, cv2.FONT_HERSHEY_SIMPLEX, 0.8, colour, width, cv2.LINE_AA)
     return np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
