@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from aiohttp import web
 
-from kpopnet.dance.joint_files.reader import SUFFIXES, read_recorded, read_strangers_performance
+from kpopnet.dance.joint_files.reader import SUFFIXES, read_page_recording, read_strangers_performance
 from kpopnet.dance.performance import Performance
 from kpopnet.errors import InputError, check_between
 from kpopnet.languages import Said, keyed
@@ -138,7 +138,7 @@ async def upload(request: web.Request) -> web.Response:
 @routes.post("/api/recordings")
 async def keep_recording(request: web.Request) -> web.Response:
     """Adds a dance that the page recorded: the body is as `recorded` takes it, the query as of `upload`."""
-    return await _added(request, await _read(request, read_recorded, ".json"), Said("the recording"))
+    return await _added(request, await _read(request, read_page_recording, ".json"), Said("the recording"))
 
 
 async def _read(request: web.Request, reader: Callable[[Path], Performance], suffix: str) -> Performance:

@@ -150,13 +150,19 @@ def _arrays(path: Path, others: list[Path], fps: float | None, joint_map: Path |
     return [vars(one) for one in found]
 
 
-def recorded(message: Any) -> Performance:
+def read_page_recording(path: Path) -> Performance:
     """A dance that the page recorded: of each image its time in seconds, and joints in metres in the camera's frame with their
-    confidence; raises InputError for anything else.
+    confidence; raises InputError for anything else. A process with limits of time and memory reads it, which a hostile one may
+    harm.
 
     The message is {"frames": [{"time_s": 0.1, "joints": [[x, y, z, confidence], ...]}]}, null where a joint is missing.
     """
+    return Performance(**read_in_child(_page_recording, path))
+
+
+def _page_recording(path: Path) -> dict[str, Any]:
     where = "the recording"
+    message = parse_json(path.read_bytes(), where)
     check_fields(where, message, {"frames": list[dict]})
     for frame in message["frames"]:
         check_fields(where, frame, {"time_s": float, "joints": list})
@@ -164,16 +170,7 @@ def recorded(message: Any) -> Performance:
     expect(bool(message["frames"]), where, "images, found none")
     seen = np.array([[numbers_in(one, (4,), where) for one in frame["joints"]] for frame in message["frames"]])
     times_s = np.array([frame["time_s"] for frame in message["frames"]], float)
-    return checked_performance(seen[..., :3], times_s, np.nan_to_num(seen[..., 3]), where)
-
-
-def read_recorded(path: Path) -> Performance:
-    """`recorded` of a page's message, in a process with limits of time and memory, which a hostile one may harm."""
-    return Performance(**read_in_child(_recorded_arrays, path))
-
-
-def _recorded_arrays(path: Path) -> dict[str, Any]:
-    return vars(recorded(parse_json(path.read_bytes(), "the recording")))
+    return vars(checked_performance(seen[..., :3], times_s, np.nan_to_num(seen[..., 3]), where))
 
 
 def _read_npz(path: Path, fps: float | None) -> NamedPoints | Performance:
