@@ -19,7 +19,7 @@ def teacher_arrays() -> dict[str, np.ndarray]:
     what the limbs do. The shoes are those of `teacher_person`, on whose soles the dances stand.
     """
     asset, skin, person = load_body(), load_skin(), teacher_person()
-    dressed = dress(person, False, np.random.default_rng(OUTFIT_SEED), OUTFIT)
+    dressed = dress(person, female=False, rng=np.random.default_rng(OUTFIT_SEED), config=OUTFIT)
     feet = [number for number, name in enumerate(asset.bone_names) if "Foot" in name or "Toe" in name]
     heaviest = np.take_along_axis(skin.weight_bones, skin.weights.argmax(axis=1)[:, None], axis=1)
     vertices_m = np.where(np.isin(heaviest, feet), person.vertices_m, dressed.vertices_m)

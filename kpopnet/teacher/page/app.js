@@ -84,8 +84,8 @@ if (history.state === "language") { // by the keyboard the next one may be wante
 const shownAnew = () => main.querySelector("[data-busy]") || show();
 languages.before(handsSwitch(shownAnew));
 addEventListener("storage", ({ key }) => { if (key === "teach.who") myself().catch(() => {}); }); // chosen in another tab
-const theme = document.getElementById("theme"), dress = () => { document.documentElement.dataset.theme = theme.value; };
-for (const [id, otherwise, apply] of [["theme", "auto", dress], ["palette", "brightness", shownAnew]]) {
+const theme = document.getElementById("theme"), showTheme = () => { document.documentElement.dataset.theme = theme.value; };
+for (const [id, otherwise, apply] of [["theme", "auto", showTheme], ["palette", "brightness", shownAnew]]) {
   const select = document.getElementById(id);
   select.value = remembered(id, otherwise);
   select.addEventListener("change", () => {
@@ -93,7 +93,7 @@ for (const [id, otherwise, apply] of [["theme", "auto", dress], ["palette", "bri
     apply();
   });
 }
-dress();
+showTheme();
 document.querySelector(".skip").addEventListener("click", (event) => {
   event.preventDefault(); // #main is no view
   main.focus();
