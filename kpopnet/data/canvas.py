@@ -27,7 +27,7 @@ def reduced(depth_m: np.ndarray, camera: Camera) -> Reduced:
     rows, columns = (((np.arange(size) + 0.5) * reduction).astype(int) for size in CANVAS[::-1])
     rows, columns = rows[rows < camera.height], columns[columns < camera.width]
     out = np.zeros(CANVAS[::-1], np.float32)
-    out[: len(rows), : len(columns)] = depth_m[np.ix_(rows, columns)]
+    out[: len(rows), : len(columns)] = depth_m.take(rows, 0).take(columns, 1)  # rows first: both at once take longer
     intrinsics = camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5
     return Reduced(
         out, np.array(intrinsics, np.float32) / np.float32(reduction) - np.array((0, 0, 0.5, 0.5), np.float32), reduction

@@ -100,8 +100,8 @@ def person_centre(depth_m: np.ndarray, camera: Camera) -> np.ndarray | None:
     measured = np.flatnonzero(depth_m > 0)
     if len(measured) < MIN_SILHOUETTE_PX:
         return None
-    rows, columns = np.divmod(measured[:: max(1, len(measured) // MEDIAN_POINTS)], camera.width)
-    z = depth_m[rows, columns]
+    measured = measured[:: max(1, len(measured) // MEDIAN_POINTS)]
+    (rows, columns), z = np.divmod(measured, camera.width), depth_m.take(measured)
     points = np.stack([(columns - camera.cx) * z / camera.fx, (rows - camera.cy) * z / camera.fy, z])
     return np.median(points.astype(np.float32), axis=1)
 
@@ -135,7 +135,8 @@ def crop_pixels(camera: Camera, cube: Cube, crop_px: int, view: View) -> tuple[n
     """Where a crop's pixels lie in the image: (2, 2) step and (2,) first, float64, of pixel first + step @ (column, row)."""
     cx, cy, cz = (float(value) for value in cube.centre_m)
     # From cube units of this view to X / Z and Y / Z to image pixels; crop pixel i lies at u = (2 i + 1) / crop_px - 1.
-    to_pixels = np.diag([camera.fx, camera.fy]) @ np.linalg.inv(view.matrix()) * (cube.half_size_m / cz)
+    # The view's matrix is orthogonal: its inverse is its transpose.
+    to_pixels = np.array([[camera.fx], [camera.fy]]) * view.matrix().T * (cube.half_size_m / cz)
     first = to_pixels @ np.full(2, 1 / crop_px - 1) + (camera.fx * cx / cz + camera.cx, camera.fy * cy / cz + camera.cy)
     return to_pixels * (2 / crop_px), first
 

@@ -122,7 +122,7 @@ def candidates_in(network: Network, depth_m: np.ndarray, camera: Camera, least_c
     probability = certainty(people)
     candidate = probability >= least_certainty
     numbers = np.append(0, np.where(candidate, np.cumsum(candidate), 0)).astype(np.uint8)
-    owned = OwnedCells(cells.depth_m, cells.probability, numbers[people.owner], canvas.reduction)
+    owned = OwnedCells.of(cells.depth_m, cells.probability, numbers[people.owner], canvas.reduction)
     return Candidates(people.centres_m[candidate], probability[candidate], owned)
 
 

@@ -115,12 +115,15 @@ def _take_beyond(depth_m: np.ndarray, cells: OwnedCells, crop: "_Crop", number: 
     # A cell has a say in the pixels up to two cells away.
     corners = STRIDE * cells.reduction * np.array([(y - 2, x - 2), (y + height + 2, x + width + 2)])
     (y0, x0), (y1, x1) = np.clip(corners, 0, depth_m.shape).astype(int)
-    rows, columns, within = np.arange(y0, y1), np.arange(x0, x1), np.s_[y0:y1, x0:x1]
-    inside_rows, inside_columns = ((one >= of[0]) & (one < of[-1]) for one, of in ((rows, crop.rows), (columns, crop.columns)))
-    if inside_rows.all() and inside_columns.all():
+    if crop.rows[0] <= y0 and y1 <= crop.rows[-1] and crop.columns[0] <= x0 and x1 <= crop.columns[-1]:
         return
-    free = ~(inside_rows[:, None] & inside_columns) & (decided[within] == NO_PERSON)
-    if free.any():
+    rows, columns = np.arange(y0, y1), np.arange(x0, x1)
+    inside_rows, inside_columns = ((one >= of[0]) & (one < of[-1]) for one, of in ((rows, crop.rows), (columns, crop.columns)))
+    free = ~(inside_rows[:, None] & inside_columns) & (decided[y0:y1, x0:x1] == NO_PERSON)
+    x, y, width, height = cv2.boundingRect(free.view(np.uint8))
+    rows, columns, free = rows[y : y + height], columns[x : x + width], free[y : y + height, x : x + width]
+    if len(rows):
+        within = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         owners = pixel_owners(cells, np.where(free, depth_m[within], np.float32(0)), rows, columns)
         decided[within][owners == number] = number
 

@@ -183,23 +183,23 @@ class OwnedCells(NamedTuple):
     probability: np.ndarray  # (h, w) float32 that the cell shows a person
     owner: np.ndarray  # (h, w) uint8 person of each cell, 1..P, or NO_PERSON
     reduction: float  # pixels of the image to one of the canvas, of which every STRIDE-th is a cell
+    near: np.ndarray  # (h, w) uint8 whether a cell or one beside it is a person's
+    alike: np.ndarray  # (h, w) bool whether the 4 x 4 cells around the pixels between each cell and the next are of one owner
+
+    @classmethod
+    def of(cls, depth_m: np.ndarray, probability: np.ndarray, owner: np.ndarray, reduction: float) -> "OwnedCells":
+        """From the first four."""
+        near = cv2.dilate(np.minimum(owner, 1), np.ones((3, 3)))
+        least, most = (of(owner, np.ones((4, 4)), anchor=(1, 1)) for of in (cv2.erode, cv2.dilate))
+        return cls(depth_m, probability, owner, reduction, near, least == most)
 
 
-def pixel_owners(cells: OwnedCells, depth_m: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+@njit(cache=True)
+def pixel_owners(cells, depth_m, rows, columns):
     """Gives the pixels in some rows and columns of an image to people.
 
     A pixel takes the opinion of the 4 x 4 cells around it, the nearest in the image and in depth first, if the nearest or one
     beside it is a person's. From the (R, C) float32 depth, metres, of the (R,) rows and (C,) columns; (R, C) uint8 person.
-    """
-    near = cv2.dilate(np.minimum(cells.owner, 1), np.ones((3, 3)))
-    least, most = (of(cells.owner, np.ones((4, 4)), anchor=(1, 1)) for of in (cv2.erode, cv2.dilate))
-    return _pixel_owners(cells, near, least == most, depth_m, rows, columns)
-
-
-@njit(cache=True)
-def _pixel_owners(cells, near, alike, depth_m, rows, columns):
-    """`near`: whether a cell or one beside it is a person's; `alike`: whether the 4 x 4 cells around the pixels between each
-    cell and the next are of one owner.
     """
     h, w = cells.owner.shape
     owners = np.zeros(depth_m.shape, np.uint8)
@@ -211,9 +211,9 @@ def _pixel_owners(cells, near, alike, depth_m, rows, columns):
             z = depth_m[y, x]
             at_x = ((columns[x] + 0.5) / cells.reduction - 0.5) / STRIDE
             left, nearest_column = max(min(int(at_x), w - 1), 0), max(min(int(at_x + 0.5), w - 1), 0)
-            if z == 0 or not near[nearest_row, nearest_column]:
+            if z == 0 or not cells.near[nearest_row, nearest_column]:
                 continue
-            if alike[top, left] and abs(cells.depth_m[top, left] - z) < BESIDE_M:
+            if cells.alike[top, left] and abs(cells.depth_m[top, left] - z) < BESIDE_M:
                 owners[y, x] = cells.owner[top, left]  # whatever the others' depths: they would say the same
                 continue
             reach = np.float32(BESIDE_M + BESIDE_PER_M * z)

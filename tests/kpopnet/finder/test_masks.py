@@ -28,7 +28,7 @@ def two_people(camera):
 
 def owned(labels, depth_m):
     """A finder's word that every pixel, here a cell of its own, belongs to the person of `labels`."""
-    return OwnedCells(depth_m, np.full(labels.shape, 0.9, np.float32), labels, 1 / STRIDE)
+    return OwnedCells.of(depth_m, np.full(labels.shape, 0.9, np.float32), labels, 1 / STRIDE)
 
 
 def knowing(labels, camera, centres_m):
@@ -95,7 +95,7 @@ def test_beyond_their_crops_all_pixels_of_people_who_touch_are_someones():
     camera = Camera.centred(800.0, 640, 480)
     depth_m, owner = np.full((480, 640), 1.5, np.float32), np.zeros((60, 80), np.uint8)
     owner[5:55, 10:70] = 1 + (np.indices((50, 60)).sum(0) // 7 + np.arange(60) // 30) % 2
-    cells = OwnedCells(depth_m[::8, ::8].copy(), np.full(owner.shape, 0.9, np.float32), owner, 8 / STRIDE)
+    cells = OwnedCells.of(depth_m[::8, ::8].copy(), np.full(owner.shape, 0.9, np.float32), owner, 8 / STRIDE)
     far_away = np.array([(-0.2, -0.1, 9.0), (0.2, 0.1, 9.0)], np.float32)  # whose crops show a few pixels
     crops = [scene_crop(depth_m, camera, centre_m) for centre_m in far_away]
     nothing = np.zeros((2, CROP_PX // 2, CROP_PX // 2), np.float32)
@@ -123,7 +123,7 @@ def test_pixels_are_decided_as_one_by_one(seed):
     owners = rng.integers(0, 3, size).astype(np.uint8)
     centres_m = np.float32(rng.uniform((-0.5, -0.5, 1.8), (0.5, 0.5, 2.4), (2, 3)))
     said = np.float32(rng.random((2, CROP_PX // 2, CROP_PX // 2)) ** rng.choice([0.3, 1, 4]))
-    cells = OwnedCells(*(one[::8, ::8].copy() for one in (depth_m, np.float32(rng.random(size)), owners)), 4.0)
+    cells = OwnedCells.of(*(one[::8, ::8].copy() for one in (depth_m, np.float32(rng.random(size)), owners)), 4.0)
     decided, boxes = refine_masks(lambda *_: said, depth_m, camera, cells, centres_m)
     for number, (x0, y0, x1, y1) in enumerate(boxes, 1):
         inside = np.zeros(owners.shape, bool)

@@ -53,7 +53,7 @@ def test_pixels_take_the_person_beside_them_at_their_depth():
     reduction = 2.0  # four pixels of the image a cell
     depth_m = np.kron(cell_depth_m, np.ones((4, 4), np.float32))
     depth_m[100:104, 100:104] = 0
-    owned, rows, columns = OwnedCells(cell_depth_m, probability, owner, reduction), np.arange(70, 130), np.arange(75, 170, 3)
+    owned, rows, columns = OwnedCells.of(cell_depth_m, probability, owner, reduction), np.arange(70, 130), np.arange(75, 170, 3)
     owners = pixel_owners(owned, depth_m[np.ix_(rows, columns)], rows, columns)
     assert (owners == np.select([depth_m == 2, depth_m == 3], [1, 2], 0)[np.ix_(rows, columns)]).all()
 
@@ -76,7 +76,7 @@ def test_pixels_equal_the_rule_written_plainly():
         probability = np.where(owner, 0.8, 0.2).astype(np.float32)
         height, width = int(h * STRIDE * reduction), int(w * STRIDE * reduction)
         depth_m = rng.choice((0, 2.0, 2.05, 2.12, 2.2, 2.4), (height, width)).astype(np.float32)
-        owned = OwnedCells(cell_depth_m, probability, owner, reduction)
+        owned = OwnedCells.of(cell_depth_m, probability, owner, reduction)
         owners = pixel_owners(owned, depth_m, np.arange(height), np.arange(width))
         for y in range(height):
             for x in range(width):
