@@ -1,10 +1,10 @@
-"""Has the coarser levels of an exported network, and in the finder's networks the convolution that joins all levels, compute in
-8 bits, which takes a third of their time where processors have VNNI.
+"""Has levels of an exported network compute in 8 bits, which takes a third of their time where processors have VNNI: the
+coarser ones, and in the finder's networks the convolution that joins all levels; of the finder the finest level as well.
 
 What a level is given and gives is rounded to 256 steps of its range in some inputs, each filter to 129 of its own, by
 `onnxruntime.quantization`: no sum of two products exceeds 16 bits, so that processors without VNNI give the same. The finest
-level sees millimetres of depth: rounded too, it moves joints by centimetres. It computes in float32, as does what follows
-(docs/ledger.md).
+level sees millimetres of depth: rounded too, it moves joints by centimetres. In the network of joints it computes in float32,
+as does what follows in all networks (docs/ledger.md).
 """
 
 import logging
@@ -17,11 +17,13 @@ import numpy as np
 from kpopnet.runtime.provenance import optional_library
 
 COARSER = ("network.encoder.middle.", "network.encoder.coarse.", "network.smooth.")
-"""How the names of the filters begin that are computed with in 8 bits, of the network of joints and of the finder's."""
+FINDER = (*COARSER, "network.encoder.fine.")
+"""How the names of the filters begin that are computed with in 8 bits, of the networks of joints and of masks, and of the
+finder."""
 
 
-def in_eight_bits(content: bytes, inputs: Iterable[dict[str, np.ndarray]]) -> bytes:
-    """An exported network (kpopnet.networks.onnx_export.traced) whose `COARSER` levels compute in 8 bits.
+def in_eight_bits(content: bytes, inputs: Iterable[dict[str, np.ndarray]], begins: tuple[str, ...] = COARSER) -> bytes:
+    """An exported network (kpopnet.networks.onnx_export.traced), in 8 bits where the names of filters begin so.
 
     The `inputs`, by name, are what it is likely to be given; their ranges are what is rounded. Its filters stay in float32,
     and are rounded when it is opened.
@@ -31,8 +33,8 @@ def in_eight_bits(content: bytes, inputs: Iterable[dict[str, np.ndarray]]) -> by
         from onnxruntime import quantization
     model, levels, within = onnx.load_from_string(content), [], set()
     for node in model.graph.node:
-        begins = node.op_type == "Conv" and node.input[1].startswith(COARSER)
-        if begins or (node.op_type in ("Relu", "Add") and within.intersection(node.input)):
+        first = node.op_type == "Conv" and node.input[1].startswith(begins)
+        if first or (node.op_type in ("Relu", "Add") and within.intersection(node.input)):
             levels.append(node.name)
             within.update(node.output)
     rounded = iter(inputs)

@@ -8,8 +8,8 @@ two networks over time those of its modes, or a network that lifts joints that o
     python tools/ship_weights.py --lifting data/lifting.safetensors
 
 Filters are stored in float16, statistics and biases, which are few and may be large, in float32. The description
-loses what tells of the machine that trained. MODEL_CARD.md is written by hand. For ONNX Runtime the coarser levels compute in 8
-bits (tools/eight_bits.py), whose ranges are those of some hundred images of --set, a set that the network was trained on.
+loses what tells of the machine that trained. MODEL_CARD.md is written by hand. For ONNX Runtime levels compute in 8 bits
+(tools/eight_bits.py), whose ranges are those of some hundred images of --set, a set that the network was trained on.
 Prints the sizes, and how far float16, and 8 bits, move the joints there. Run from the root of a checkout with `PYTHONPATH=.`.
 """
 
@@ -47,7 +47,7 @@ from kpopnet.runtime.atomic_write import write_whole
 from kpopnet.runtime.endings import user_errors
 from synth.samples.observe import ExtractionConfig, Observer
 from synth.sensor.model import SensorConfig
-from tools.eight_bits import in_eight_bits
+from tools.eight_bits import COARSER, FINDER, in_eight_bits
 
 IMAGES, BATCH = 512, 32
 """How many inputs tell the ranges, in calls of how many."""
@@ -105,7 +105,8 @@ def ship_finder(weights: Path, folder: Path, network: str, kind: type[CellsNetwo
     with tempfile.TemporaryDirectory() as place:
         stored = Path(place) / name
         stored.write_bytes(files[name])
-        files[graph] = without_filters(in_eight_bits(export_finder(load_finder(stored, kind)), inputs), stored)
+        exported, begins = export_finder(load_finder(stored, kind)), FINDER if kind is FinderNetwork else COARSER
+        files[graph] = without_filters(in_eight_bits(exported, inputs, begins), stored)
     _write(folder, network, files)
     print("; ".join(f"{name}: {(folder / name).stat().st_size:,} bytes" for name in files))
 

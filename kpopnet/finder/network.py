@@ -96,10 +96,10 @@ def observed(depth_m: Tensor, intrinsics: Tensor) -> Tensor:
     u = torch.arange(width, device=depth_m.device)
     v = torch.arange(height, device=depth_m.device)[:, None]
     x, y = ((u - cx) / fx).expand_as(z), ((v - cy) / fy).expand_as(z)
-    zero = torch.zeros(())
-    log_size = torch.log(z * 50 / fx)  # about 0 at 2 m before a wide camera
+    log_depth, zero = torch.log(z / 2.5), torch.zeros(())
+    log_size = log_depth + torch.log(125 / fx)  # about 0 at 2 m before a wide camera
     return torch.stack(
-        [measured.float(), torch.where(measured, torch.log(z / 2.5), zero), torch.where(measured, log_size, zero), x, y], 1
+        [measured.float(), torch.where(measured, log_depth, zero), torch.where(measured, log_size, zero), x, y], 1
     )
 
 

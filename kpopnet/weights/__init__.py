@@ -5,7 +5,7 @@
     person.safetensors             its head that judges whether a crop shows a person
     finder.safetensors             the finder of people, stored likewise
     masks.safetensors              its mask network, which says which pixels are theirs, stored likewise
-    *graph.onnx                    these three for ONNX Runtime, without their filters; coarser levels compute in 8 bits
+    *graph.onnx                    these three for ONNX Runtime, without their filters; in 8 bits where tools/eight_bits.py says
     over_time_*.safetensors        joints over time: causal, and with the frames that follow
     lifting.safetensors            joints of a webcam's points (kpopnet.networks.lifting)
     MODEL_CARD.md                  how they were trained, how good they are, and where they fail
@@ -29,7 +29,7 @@ SHA256: dict[str, dict[str, str]] = {
     },
     "finder": {
         "finder.safetensors": "55314707dd7e2e31d185173ca28dcf94dc1a4ec2332f9e9c460e161d9afc55eb",
-        "finder_graph.onnx": "a6869c5ae204751c6431198a3742bc8516b3a6b060b0ca8a1287694cee85030f",
+        "finder_graph.onnx": "5d0a4cb67757bf61e01648233d831d67549e2f5b545f6da327238f13a82426f8",
     },
     "masks": {
         "masks.safetensors": "b53536402cc7f27da10d08cb721b88ce2395e100190141a899164e38fa3941b3",

@@ -269,15 +269,16 @@ def test_what_lies_beyond_the_ranges_is_cut_off(tmp_path, exported):
 
 
 @pytest.mark.parametrize("network", ["joints", "finder", "masks"])
-def test_the_networks_of_the_package_compute_with_integers_at_their_coarser_levels_alone(network):
+def test_the_networks_of_the_package_compute_with_integers_at_the_levels_that_are_said_alone(network):
     graph = onnx.load(next(FOLDER / name for name in SHA256[network] if name.endswith(".onnx")), load_external_data=False).graph
     made = {name: node for node in graph.node for name in node.output}
-    rounded = 0
+    begins, rounded = eight_bits.FINDER if network == "finder" else eight_bits.COARSER, 0
     for node in graph.node:
         if node.op_type == "Conv":
             sources = [made.get(name) for name in node.input[:2]]
             by_integers = all(source and source.op_type == "DequantizeLinear" for source in sources)
             filters = made[sources[1].input[0]].input[0] if by_integers else node.input[1]
-            assert by_integers == filters.startswith(eight_bits.COARSER), filters
+            assert by_integers == filters.startswith(begins), filters
             rounded += by_integers
-    assert rounded == 14 + (network != "joints")  # seven in each level, and the one that joins all
+    # Seven in each coarser level, the one that joins all, and five in the finest.
+    assert rounded == {"joints": 14, "masks": 15, "finder": 20}[network]
