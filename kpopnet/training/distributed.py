@@ -3,6 +3,7 @@
 import logging
 import os
 import subprocess
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -36,6 +37,8 @@ class Processes:
         """
         if self.count == 1:
             return network
+        # A 1x1 filter lies in memory alike under the strides of its gradient and those of its bucket: nothing is slower.
+        warnings.filterwarnings("ignore", "Grad strides do not match bucket view strides")
         if self.device.type == "cuda":
             network = nn.SyncBatchNorm.convert_sync_batchnorm(network)
             return DistributedDataParallel(network, device_ids=[self.device.index])
