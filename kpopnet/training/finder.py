@@ -39,7 +39,7 @@ from kpopnet.finder.network import (
     observed_crop,
 )
 from kpopnet.runtime.atomic_write import atomic_path, write_json, write_whole
-from kpopnet.runtime.input_files import parsing, read_json, read_with
+from kpopnet.runtime.input_files import check_fields, parsing, read_json, read_with
 from kpopnet.skeleton import Joint
 from kpopnet.training.descent import Descent
 from kpopnet.training.distributed import device_kind, set_up_torch, try_bfloat16
@@ -230,7 +230,7 @@ class FinderRun(Descent):
     """The state of a training."""
 
     def __init__(self, config: FinderTraining, seed: int, folder: Path, device: torch.device = CPU) -> None:
-        self.folder, self.part = folder, PARTS[config.part]
+        self.folder, self.config, self.part = folder, config, PARTS[config.part]
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             network = self.part.network().to(memory_format=torch.channels_last)
@@ -254,13 +254,15 @@ class FinderRun(Descent):
 
     def check_same(self, described: dict) -> None:
         """Raises InputError where a run that is resumed was begun with other settings or images: it would not go on exactly."""
-        begun = read_json(self.folder / META)
-        for name, value in described.items():
-            if begun.get(name) != value:
-                raise InputError(
-                    f"{self.folder}: was begun with {name}={begun.get(name)}, not {value}; give it the same again, or begin "
-                    "anew in another folder (out=...)"
-                )
+        path = self.folder / META
+        begun = check_fields(str(path), read_json(path), {"config": dict})
+        for of, found, given in (("training.", begun["config"], described["config"]), ("", begun, described)):
+            for name, value in given.items():
+                if found.get(name) != value:
+                    raise InputError(
+                        f"{self.folder}: was begun with {of}{name}={found.get(name)}, not {value}; give it the same again, or "
+                        "begin anew in another folder (out=...)"
+                    )
 
     def save(self, described: dict) -> None:
         """Writes description, weights and state, each whole or not at all; the state last: before it a killed run goes back."""
@@ -276,7 +278,7 @@ class FinderRun(Descent):
         state = read_with(
             lambda path: torch.load(path, weights_only=True, map_location="cpu"), path, "missing or damaged; cannot be resumed"
         )
-        with parsing(path, "its state does not fit this version"):
+        with parsing(path, f"its state does not fit training.part={self.config.part}, or this version"):
             self.load_state(state)
             self.average.load_state_dict(state["average"])
 

@@ -1,5 +1,7 @@
 """The finder's training: exact resuming, and a network that learns what a few images show."""
 
+import shutil
+
 import numpy as np
 import pytest
 import torch
@@ -14,6 +16,7 @@ from kpopnet.finder.network import FinderNetwork
 from kpopnet.skeleton import Joint
 from kpopnet.training import distributed
 from kpopnet.training.finder import (
+    META,
     WEIGHTS,
     FinderRun,
     FinderTraining,
@@ -48,12 +51,17 @@ def test_a_resumed_run_equals_an_uninterrupted_one(data, tmp_path):
     images = str(write_room_images(tmp_path / "others"))
     for refused, others, message in (
         (settings(4), {}, "holds a run"),
-        (settings(8, resume=True), {}, "was begun with config=.*give it the same again"),
+        (settings(8, resume=True), {}, r"was begun with training\.steps=4, not 8; give it the same again"),
+        (FinderTraining("masks", resume=True), {}, "its state does not fit training.part=masks"),
         (settings(4, resume=True), {"train": images}, "was begun with images=.*give it the same again"),
         (settings(4, resume=True), {"validation": data["train"]}, "same people and scenes as are .*benchmark.split=validation"),
     ):
         with pytest.raises(InputError, match=message):
             trained("halves", refused, **others)
+    shutil.copytree(tmp_path / "halves", tmp_path / "other")
+    (tmp_path / "other" / META).write_text("[]")
+    with pytest.raises(InputError, match=r"finder\.json: expected an object"):
+        trained("other", settings(4, resume=True))
     assert trained("halves", settings(4, resume=True)) == trained("whole", settings(4))
 
 
