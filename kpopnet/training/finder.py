@@ -39,7 +39,7 @@ from kpopnet.finder.network import (
     observed_crop,
 )
 from kpopnet.runtime.atomic_write import atomic_path, write_json, write_whole
-from kpopnet.runtime.input_files import check_fields, parsing, read_json, read_with
+from kpopnet.runtime.input_files import check_fields, expect, parsing, read_json, read_with
 from kpopnet.skeleton import Joint
 from kpopnet.training.descent import Descent
 from kpopnet.training.distributed import device_kind, set_up_torch, try_bfloat16
@@ -354,6 +354,8 @@ def train_finder(
     out.mkdir(parents=True, exist_ok=True)
     run = FinderRun(config, seed, out, on)
     images, validation = (run.part.images(data[name], on) for name in ("train", "validation"))
+    for name, one in (("train", images), ("validation", validation)):
+        expect(len(one) > 0, data[name], "at least one image in its files")
     check_others(images.identity, validation.identity, data["validation"])
     order, settings = ShuffledOrder(len(images), config.batch_size, seed), asdict(config)
     del settings["resume"]

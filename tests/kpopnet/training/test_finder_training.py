@@ -88,6 +88,14 @@ def _save_and_stop(run, described, save=FinderRun.save):
     raise KeyboardInterrupt
 
 
+@pytest.mark.parametrize("empty", ["train", "validation"])
+@pytest.mark.parametrize(("part", "write"), [("finder", write_room_images), ("masks", write_person_masks)])
+def test_files_without_an_image_are_refused(tmp_path, part, write, empty):
+    data = {name: str(write(tmp_path / name, 0 if name == empty else 2)) for name in ("train", "validation")}
+    with pytest.raises(InputError, match=rf"{empty}: expected at least one image"):
+        train_finder(FinderTraining(part, steps=1, batch_size=2), 0, data, tmp_path / "run", threads=1, device="cpu")
+
+
 def test_it_trains_in_bfloat16_where_it_is_asked_to(data, tmp_path, monkeypatch):
     types, votes = [], FinderNetwork._features
 
