@@ -15,6 +15,7 @@ from kpopnet.paper_extraction import PaperExtractionConfig
 from kpopnet.paper_tracker.tracker import PaperTrackerConfig
 from kpopnet.ridge import RidgeConfig
 from kpopnet.tracker.estimator import TrackerEstimatorConfig
+from kpopnet.training.distributed import set_up_torch
 from kpopnet.training.finder import FinderTraining
 from kpopnet.training.loop import TrainingConfig
 from synth.__main__ import GenerateConfig, parse_range
@@ -45,6 +46,8 @@ TOLD = {
     r"training\.lr": partial(TrainingConfig, lr=-1.0),
     r"training\.part=outlines: expected one of finder, masks": partial(FinderTraining, part="outlines"),
     r"^training\.augment\.rotation_deg=-3": partial(AugmentConfig, rotation_deg=-3.0),
+    r"^threads=-1: expected a number in 0\.\.1024": partial(set_up_torch, -1),
+    r"^threads=100000": partial(set_up_torch, 100_000),
     r"processes=-1": partial(EvaluateConfig, None, {}, processes=-1),
     r"seed=-1": partial(EvaluateConfig, None, {}, seed=-1),
     r"^noise=odd: expected one of auto, none, .*tracker": partial(PartScorer, noise="odd"),

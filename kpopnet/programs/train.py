@@ -133,10 +133,6 @@ class ObservationConfig:
 class NetworkTrainingConfig(ObservationConfig, RunConfig):
     """Training of a network: both parents' settings."""
 
-    def __post_init__(self) -> None:
-        ObservationConfig.__post_init__(self)
-        RunConfig.__post_init__(self)
-
 
 @dataclass
 class TreeWalkTrainingConfig(ObservationConfig):
@@ -173,7 +169,6 @@ class FinderTrainingConfig:
 
     def __post_init__(self) -> None:
         check_seed("seed", self.seed)
-        check_between("threads", self.threads, 0, 1e6)
 
 
 class TrainingFolder(OutputFolder):

@@ -13,11 +13,14 @@ import torch
 from torch import distributed, nn
 from torch.nn.parallel import DistributedDataParallel
 
-from kpopnet.errors import InputError, check_one_of
+from kpopnet.errors import InputError, check_between, check_one_of
 from kpopnet.networks.network import PoseNetwork
 from kpopnet.runtime.cpu import available_cores, keep_freed_memory, own_python
 
 log = logging.getLogger(__name__)
+
+MOST_THREADS = 1024
+"""Of torch: where the system starts no more of them, libraries end the process without an error of Python's."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,9 @@ def set_up_torch(threads: int, workers: int = 0) -> int:
     0 threads stand for all available cores, divided by the number of processes that torchrun started on this machine, but for
     those that the workers, which prepare the batches of each, need: threads of one sum wait for the slowest, and one that
     shares its core with a worker holds all up (on two cores two threads trained at 377 samples/s, one at 568: docs/ledger.md).
+    Raises InputError for less than 0, or more than MOST_THREADS.
     """
+    check_between("threads", threads, 0, MOST_THREADS)
     torch.use_deterministic_algorithms(True, warn_only=torch.cuda.is_available())
     # Filling only affects code that reads uninitialised memory, and takes a tenth of the time of a step.
     torch.utils.deterministic.fill_uninitialized_memory = False

@@ -146,9 +146,6 @@ class RunConfig:
     workers: int = 1
     threads: int = 0
 
-    def __post_init__(self) -> None:
-        check_between("threads", self.threads, 0, 1e6)
-
     def check_small_crops(self) -> None:
         """Raises InputError where the model, which `training.start` may give, cannot be trained on the smaller crops."""
         if self.training.small_crops.share and self.model.kind != "dense":
