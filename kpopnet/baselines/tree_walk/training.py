@@ -46,7 +46,7 @@ class TreeWalkConfig:
     """How a model is trained.
 
     Attributes:
-        images: number of images of the training set, each used once.
+        images: number of images; more than the training set has show its people again, with other noise and augmentation.
         places: number of positions around each joint in every image, from which its tree learns the direction to the joint.
         crop_px: side of the image of the cube in pixels.
         leaf_samples: smallest number of samples in a leaf.
