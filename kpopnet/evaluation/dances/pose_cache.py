@@ -49,6 +49,12 @@ _WITHOUT_INFLUENCE = (
 )
 """Rooms of kpopnet on which no estimated joint depends; on all others it may."""
 
+_SEEING = (
+    *("dance/noise/table.py", "dance/performance.py", "programs/score.py"),
+    *("teacher/library.py", "teacher/posing.py"),
+)
+"""Files of these rooms on which a teacher as an estimator sees them depends."""
+
 
 class PoseCache:
     """The poses of one estimator."""
@@ -97,7 +103,7 @@ class PoseCache:
         digest = hashlib.sha256(teacher.joints_m.tobytes() + teacher.times_s.tobytes())
         package = Path(kpopnet.__file__).resolve().parent
         synth = package.parent / "synth"
-        for source in (package / "teacher" / "posing.py", *sorted(synth.rglob("*.py")), *sorted(synth.rglob("*.npz"))):
+        for source in (*(package / name for name in _SEEING), *sorted(synth.rglob("*.py")), *sorted(synth.rglob("*.npz"))):
             digest.update(source.read_bytes())
         path = self.folder / f"{dance.name}.teacher.{digest.hexdigest()[:10]}.npz"
         if not path.is_file():

@@ -290,11 +290,19 @@ def test_a_learner_without_true_joints_is_reported(folder, fake):
         run(folder, {})
 
 
-@pytest.mark.parametrize("changed", ["kpopnet/teacher/posing.py", "synth/body/shape.py", "synth/assets/body.npz"])
+SEEN_BY_FILES = (
+    *("dance/noise/table.py", "dance/performance.py", "programs/score.py", "teacher/library.py", "teacher/posing.py"),
+    *("../synth/body/shape.py", "../synth/assets/body.npz"),
+)
+"""What of the package `kpopnet.programs.score.seen_teacher` calls, or takes constants from, and the simulation."""
+
+
+@pytest.mark.parametrize("changed", SEEN_BY_FILES)
 def test_a_teacher_is_seen_again_once_what_poses_or_draws_them_has_changed(folder, fake, tmp_path, monkeypatch, changed):
-    files = [tmp_path / name for name in ("kpopnet/teacher/posing.py", "synth/body/shape.py", "synth/assets/body.npz")]
-    for file in files:
-        file.parent.mkdir(parents=True)
+    (tmp_path / "kpopnet").mkdir()
+    for name in SEEN_BY_FILES:
+        file = tmp_path / "kpopnet" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(b"before")
     monkeypatch.setattr(pose_cache.kpopnet, "__file__", str(tmp_path / "kpopnet" / "__init__.py"))
     asked, dance = [], KpopSet(folder).dance("mama")
@@ -305,7 +313,7 @@ def test_a_teacher_is_seen_again_once_what_poses_or_draws_them_has_changed(folde
 
     cache = PoseCache(tmp_path / "poses", "fake", FakeConfig())
     for content, times in ((b"before", 1), (b"after", 2), (b"after", 2)):
-        (tmp_path / changed).write_bytes(content)
+        (tmp_path / "kpopnet" / changed).write_bytes(content)
         cache.seen_teacher(dance, see)
         assert len(asked) == times
 
