@@ -73,8 +73,9 @@ def report(given: argparse.Namespace, dances: KpopSet, learners: dict[str, list[
     from kpopnet.evaluation.dances.rating_report import rating_report
     from kpopnet.evaluation.report import as_html, as_text, write_text
 
-    blocks, figures = rating_report(dances, read_all_ratings(dances.folder, learners), given.seed, available_cores())
-    with locked(given.out):
+    ratings = read_all_ratings(dances.folder, learners)
+    with locked(given.out):  # from the beginning: the estimation of joints may take minutes
+        blocks, figures = rating_report(dances, ratings, given.seed, available_cores())
         write_text(given.out / "ratings.html", as_html(blocks))
         write_json(given.out / "ratings.json", figures, allow_nan=False)
     print(as_text([*blocks, f"look at {given.out / 'ratings.html'}"]))

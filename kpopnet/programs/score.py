@@ -162,7 +162,8 @@ def main() -> None:
     teacher, learner = diagnosis.teacher, diagnosis.learner
     compared = teacher
     if given.teacher_joints == "seen":
-        compared = seen_teacher(teacher, given.noise)
+        with locked(given.out):  # a folder that cannot be written is told before minutes of work
+            compared = seen_teacher(teacher, given.noise)
     elif given.teacher_joints == "recorded":
         compared = Performance(teacher.joints_m, teacher.times_s, teacher.confidence, given.noise)
     score = score_dance(compared, learner, scorer, free_s=given.free)

@@ -60,9 +60,13 @@ class PoseCache:
     """The poses of one estimator."""
 
     def __init__(self, folder: Path, name: str, settings: Any) -> None:
-        """Builds the estimator; `folder` is that of the cached poses of all. Raises InputError if a file of it is missing."""
+        """Builds the estimator and makes the folder of its poses in `folder`, that of the cached poses of all.
+
+        Raises InputError if a file of the estimator is missing, and OSError if the folder is missing and cannot be made.
+        """
         self.name, self.folder = name, folder / f"{name}-{estimator_key(settings)}"
         self._estimator = build_estimators({name: settings})[name]
+        self.folder.mkdir(parents=True, exist_ok=True)
         self._estimate = Timed(self._estimator.estimate, device_of(self._estimator))
 
     def path(self, dance: Dance, learner: Learner) -> Path:
@@ -126,7 +130,6 @@ class PoseCache:
         self._store(path, joints_m=joints_m, confidence=confidence, seconds=seconds)
 
     def _store(self, path: Path, **arrays: Any) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
         remove_unfinished(path.parent)  # of evaluations that were killed
         write_npz(path, **arrays)
 

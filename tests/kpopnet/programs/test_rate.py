@@ -56,6 +56,9 @@ def test_the_report_and_the_ranks(made, run, tmp_path, monkeypatch):
     assert figures["raters"]["eve"]["same"]["value"] == 1 and figures["raters"]["gil"]["same"]["value"] < 1
     assert set(figures["scorers"]) == {"dance22", "paper", "raptis", LABELS} and figures["scorers"][LABELS]["tau"]["value"] == 1
     assert figures["scorers"]["dance22"]["pairs"]["value"] > 0.8
+    with monkeypatch.context() as changed:
+        changed.setattr("kpopnet.evaluation.dances.rating_report.rating_report", None)  # not called: it may take minutes
+        assert "and is no folder" in run(made, "--report", "--out", tmp_path / "out" / "ratings.json", fails=True)
     page = (tmp_path / "out" / "ratings.html").read_text()
     assert all(word in text and word in page for word in ("Krippendorff", "eve", "dance22"))
     write_labels(made / "dance_0", sorted(SKILLS))  # ranks that another program wrote

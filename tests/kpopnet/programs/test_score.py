@@ -258,6 +258,10 @@ def test_a_teacher_as_the_estimator_sees_them(files, run, tmp_path, monkeypatch)
     np.savez(tmp_path / "headless.npz", joints_m=headless_m, fps=30)
     refused = run(tmp_path / "headless.npz", learner, "--noise", "network", "--teacher-joints", "seen", fails=True)
     assert "head missing in every frame; all joints are needed" in refused
+    (tmp_path / "file").touch()
+    with monkeypatch.context() as changed:
+        changed.setattr("kpopnet.programs.score.seen_teacher", None)  # not called: it would take minutes
+        assert "and is no folder" in run(*words, "--teacher-joints", "seen", "--out", tmp_path / "file", fails=True)
     monkeypatch.setitem(sys.modules, "synth.dances.seen", None)  # as in a slim installation
     assert "is simulated, which needs synth.dances.seen; install it" in run(*words, "--teacher-joints", "seen", fails=True)
 

@@ -199,12 +199,18 @@ def test_the_cache_folder_depends_on_settings_and_on_all_files_of_a_model(tmp_pa
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc tells which processes have ended")
 def test_what_a_killed_evaluation_left_beside_its_poses_is_removed(folder, fake):
     cache, dance = PoseCache(folder / "poses", "fake", FakeConfig()), KpopSet(folder).dance("mama")
-    cache.folder.mkdir(parents=True)
     left, written = (f".mama.ann.npz.{socket.gethostname()}.{process}-1.tmp" for process in (99999999, os.getpid()))
     for name in (left, written):
         (cache.folder / name).touch()
     cache.poses(dance, dance.learners[0])
     assert {path.name for path in cache.folder.iterdir()} == {written, cache.path(dance, dance.learners[0]).name}
+
+
+def test_a_folder_of_poses_that_cannot_be_made_is_told_before_anything_is_estimated(folder, fake):
+    (folder / "poses").touch()
+    with pytest.raises(OSError, match="poses"):
+        run(folder, {"fake": FakeConfig()})
+    assert fake.calls == 0
 
 
 def test_a_faulty_dance_does_not_affect_the_others(folder, fake):
