@@ -47,7 +47,7 @@ _TRUNK = {
 _LIMBS = {
     "肩P": ("上半身2", "Shoulder"), "肩": ("肩P", "Shoulder"), "肩C": ("肩", "Arm"), "腕": ("肩C", "Arm"),
     "腕捩": ("腕", "ForeArm"), "ひじ": ("腕捩", "ForeArm"), "手捩": ("ひじ", "Hand"), "手首": ("手捩", "Hand"),
-    "足": ("下半身", "UpLeg"), "ひざ": ("足", "Leg"), "足首": ("ひざ", "Foot"),
+    "腰キャンセル": ("下半身", "UpLeg"), "足": ("腰キャンセル", "UpLeg"), "ひざ": ("足", "Leg"), "足首": ("ひざ", "Foot"),
     "つま先": ("足首", "ToeBase"), "足IK親": ("全ての親", "Sole"), "足IK": ("足IK親", "Foot"),
     "つま先IK": ("足IK", "ToeBase"),
 }  # fmt: skip
@@ -89,8 +89,9 @@ def read_vmd(path: Path) -> NamedPoints:
         for bone, name in enumerate(_NAMES):
             if name in keys:
                 quats[:, bone], places_m[:, bone] = _sampled(keys[name], frames)
-        for side in "左右":  # 肩P moves the shoulder without turning the arm: 肩C takes its rotation back
-            quats[:, _NAMES.index(side + "肩C")] = quats[:, _NAMES.index(side + "肩P")] * [1, -1, -1, -1]
+        for side in "左右":  # 肩P moves the shoulder without turning the arm, 腰 the hip without the leg: these take it back
+            for cancel, turned in ((side + "肩C", side + "肩P"), (side + "腰キャンセル", "腰")):
+                quats[:, _NAMES.index(cancel)] = quats[:, _NAMES.index(turned)] * [1, -1, -1, -1]
         rotated, (found, rest_m, parents) = world_rotations(quats, _PARENTS), with_torso(_FOUND, _rest_m(), _PARENTS)
         positions_m = joint_positions_m(rotated, places_m[:, 0], rest_m, parents)
         for bone, parent in enumerate(_PARENTS[1:], 1):  # by what a bone moves itself, all below it move

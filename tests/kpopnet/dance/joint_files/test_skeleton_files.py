@@ -208,7 +208,7 @@ def test_the_mean_adult_is_that_of_the_body_model():
 
 
 VMD_PARENTS = SMPL_PARENTS | dict.fromkeys(("Neck", "LeftShoulder", "RightShoulder"), "Spine")
-VMD_NAMES = {"Hips": "腰", "LowerBack": "上半身", "Spine": "上半身2", "Neck": "首", "Head": "頭"} | {
+VMD_NAMES = {"Hips": "グルーブ", "LowerBack": "上半身", "Spine": "上半身2", "Neck": "首", "Head": "頭"} | {
     side + ours: sign + theirs
     for side, sign in (("Left", "左"), ("Right", "右"))
     for ours, theirs in zip(LIMBS, ("肩", "腕", "ひじ", "手首", "足", "ひざ", "足首", "つま先"), strict=True)
@@ -260,6 +260,14 @@ def test_a_vmd_motion_is_danced_by_the_mean_adult(tmp_path):
     np.testing.assert_allclose(*np.linalg.norm(steps_m, axis=-1), atol=1e-3)
     still = {f"{sign}足ＩＫ": [(0, (9, 9, 9), (0, 0, 0, 1))] for sign in "左右"}
     assert_joints_lie_at(read_performance(write_vmd(tmp_path / "c.vmd", bones | still, switches=off)), at)
+
+
+def test_the_waist_bends_the_back_and_turns_no_leg(tmp_path):
+    bent_forward = (0, 0, 0), Rotation.from_euler("x", -30, degrees=True).as_quat()
+    keys = {name: [(0, *REST)] for name in ("左腕", "右腕", "左足", "右足")} | {"腰": [(0, *bent_forward)]}
+    (joints_m,) = read_performance(write_vmd(tmp_path / "a.vmd", keys)).joints_m
+    np.testing.assert_allclose(joints_m[Joint.LEFT_KNEE] - joints_m[Joint.LEFT_HIP], [0, 0.381, 0], atol=2e-3)
+    assert abs(joints_m[Joint.NECK, 2] - joints_m[Joint.LEFT_HIP, 2]) > 0.15
 
 
 def test_knees_bend_forwards_where_the_hips_sink_above_planted_feet(tmp_path):
