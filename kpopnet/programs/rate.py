@@ -6,7 +6,7 @@
 
 FOLDER is in the K-Pop format (docs/kpop_format.md); labels.csv may be missing. Raters see skeletons: no names, no ranks, no
 scores. Their answers are kept one by one in FOLDER/ratings/RATER.json, so a rater may stop and go on at any time. Learners
-without true joints are shown with joints by the network of the package, which are estimated once before the page opens.
+without true joints are shown with joints by mode best of the package, which are estimated once before the page opens.
 
 Without recordings, try it on simulated dances (which no person danced):
 
@@ -37,7 +37,7 @@ PORT = 8472
 
 @cache
 def estimated(folder: Path):
-    """The joints of a set's learners by the network of the package, a `PoseCache`."""
+    """The joints of a set's learners by mode best of the package, a `PoseCache`."""
     from kpopnet.evaluation.dances.pose_cache import PoseCache
     from kpopnet.evaluation.registry import BestConfig
 
@@ -45,7 +45,7 @@ def estimated(folder: Path):
 
 
 def shown_joints(dance: Dance, learner: Learner) -> Performance:
-    """The joints of a learner that raters see: the true ones, or those of the network."""
+    """The joints of a learner that raters see: the true ones, or those by mode best."""
     truth = learner.joints()
     return estimated(dance.folder.parent).poses(dance, learner)[0] if truth is None else truth
 

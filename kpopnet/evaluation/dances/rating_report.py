@@ -47,7 +47,7 @@ def rating_report(
         f"{name}: {origin.value.upper()} learners of {len(dances)} dances, {len(votes)} of them compared completely, by "
         f"{len(ratings)} raters.",
         *(["No person danced: these figures say nothing about people."] if origin is Origin.SIMULATED else []),
-        f"Scorers had {'the true joints' if source == TRUTH else 'joints by the network of the package'}.",
+        f"Scorers had {'the true joints' if source == TRUTH else 'joints by mode best of the package'}.",
         *(f"Left out by the scorers because of an error: {dance}: {reason}" for dance, reason in failed.items()),
         DEFINITIONS,
         INTERVALS,
@@ -83,7 +83,7 @@ def scorers_signs(dances: KpopSet, seed: int, processes: int) -> tuple[str, dict
     """The source of the joints; by scorer and dance which learner scores higher: (L, L) signs, learners by name; and the
     dances that could not be scored, with the reason.
 
-    True joints are scored where all learners have them, otherwise those of the network of the package. Where all learners are
+    True joints are scored where all learners have them, otherwise those of the package's mode best. Where all learners are
     labelled, the labels stand beside the scorers.
     """
     learners = {name: dances.dance(name).learners for name in dances.names}

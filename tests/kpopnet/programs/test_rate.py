@@ -19,6 +19,7 @@ from kpopnet.camera import CAMERAS
 from kpopnet.datasets.dances.dance_set import LABELS, KpopSet
 from kpopnet.datasets.dances.ratings import all_pairs, ratings_path, read_ratings, write_ratings
 from kpopnet.datasets.dances.writer import PackedDepth, write_labels, write_learner, write_teacher
+from kpopnet.evaluation.dances.rating_report import rating_report
 from kpopnet.runtime.folder_lock import locked
 
 DANCES = {f"dance_{index}": sorted(SKILLS) for index in range(5)}
@@ -79,7 +80,14 @@ def test_a_dance_with_a_damaged_file_is_left_out_by_the_scorers_and_counts_for_t
     assert figures["joints"] == "truth" and figures["scorers"]["dance22"]["tau"]["dances"] == 1
 
 
-def test_learners_without_true_joints_are_shown_with_joints_by_the_network(tmp_path):
+@pytest.mark.parametrize(("source", "told"), [("truth", "the true joints"), ("best", "joints by mode best of the package")])
+def test_the_report_says_whose_joints_were_scored(made, monkeypatch, source, told):
+    monkeypatch.setattr("kpopnet.evaluation.dances.rating_report.scorers_signs", lambda *_: (source, {}, {}))
+    blocks, figures = rating_report(KpopSet(made, ranked=False), {"eve": answered(DANCES, "eve", by_skill)}, 0, 1)
+    assert f"Scorers had {told}." in blocks and figures["joints"] == source
+
+
+def test_learners_without_true_joints_are_shown_with_joints_by_mode_best(tmp_path):
     joints_m, depth = dance_joints_m(0, seconds=0.1), PackedDepth(CAMERAS["kinect_v1"])
     for _ in joints_m:
         depth.add(np.full((80, 30), 2.5), 140, 60)
