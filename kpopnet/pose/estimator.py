@@ -159,9 +159,10 @@ class PoseEstimator:
         if not seen:
             log.warning(
                 "no person was found in %d image(s): does it show at least half of a person, within about 7 m, and are the "
-                "camera's intrinsics right? %s For depth that shows nothing but one person: segmented=True, or --segmented",
+                "camera's intrinsics right? %s%s",
                 len(frames),
                 _how_far(image_in_metres(image, camera, unit_known=True)) if frames else "There is no image.",
+                "" if segmented else " For depth that shows nothing but one person: segmented=True, or --segmented",
             )
         chosen = sorted(seen, key=lambda identity: (-seen[identity], identity))[: self.people]
         return [

@@ -177,8 +177,7 @@ def main() -> None:
         written = write_joints(people, times_s, given.out, given.format)  # before the pictures, which may be interrupted
         pictures = draw(source, people, times_s, given.out, given.gif)
         if not people:
-            hint = "" if given.segmented else ", or try --segmented if the depth shows one person only"
-            raise InputError(f"{given.path}: no person was found; look at {given.out / 'overlay.png'}{hint}")
+            raise InputError(f"{given.path}: no person was found; look at {given.out / 'overlay.png'}")
     tell_assumed_rate(source)
     for number, person in enumerate(people, 1):
         known = (person.confidence > 0).any(axis=1)

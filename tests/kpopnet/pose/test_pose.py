@@ -245,7 +245,10 @@ def test_an_empty_room_gives_an_empty_list_and_a_warning(caplog):
         "no person was found in 3 image(s)" in caplog.text and "is 3.00 m away in the median: is its unit right?" in caplog.text
     )
     assert PoseEstimator(Blob()).estimate(np.zeros((3, 60, 80), np.uint16), CAMERA) == []
-    assert "The last image measures nothing." in caplog.text
+    assert "The last image measures nothing. For depth that shows nothing but one person: segmented=True" in caplog.text
+    caplog.clear()
+    assert PoseEstimator(Blob()).estimate(np.zeros((3, 60, 80), np.uint16), CAMERA, segmented=True) == []
+    assert "no person was found in 3 image(s)" in caplog.text and "segmented=True" not in caplog.text
     near = np.full((3, 60, 80), 3.0, np.float32)
     near[2] = 0.04  # a hand before the lens, once the unit is known
     assert PoseEstimator(Blob()).estimate(near, CAMERA) == [] and "is 0.04 m away in the median" in caplog.text

@@ -84,13 +84,14 @@ def test_two_people_get_files_of_their_own(predict, tmp_path):
     assert "2 people" in (tmp_path / "out" / "view.html").read_text()
 
 
-def test_an_empty_room_is_told_and_shown_and_no_file_of_another_recording_stays(predict, tmp_path):
+def test_an_empty_room_is_told_and_shown_and_no_file_of_another_recording_stays(predict, tmp_path, caplog):
     np.save(tmp_path / "a.npy", np.rint(1000 * np.stack([room()] * 4)).astype(np.uint16))
     (tmp_path / "out").mkdir()
     for name in ("joints.npz", "joints_2.csv", "joints_16.bvh", "overlay.gif", "joints_mine.npz", "depth.npz"):
         (tmp_path / "out" / name).touch()
     error = predict(tmp_path / "a.npy", *CAMERA_WORDS, fails=True)
-    assert "a.npy: no person was found" in error and "--segmented" in error
+    assert "a.npy: no person was found; look at" in error and "--segmented" not in error
+    assert "no person was found in 4 image(s)" in caplog.text and "--segmented" in caplog.text  # why, told once
     written = {"overlay.png", "overlay.mp4", "view.html"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == written | {"joints_mine.npz", "depth.npz"}
 
