@@ -118,6 +118,10 @@ def test_invalid_files_are_named(tmp_path):
 
     write(tmp_path, name, depth_of(person), person[:, :15])
     assert str(skeleton_file) in message() and "expected (20, 3, any)" in message()
+    far = person.copy()
+    far[2, 5, 1] = 1e39  # damage of a few bits; float32 has no such number
+    write(tmp_path, name, depth_of(person), far)
+    assert message() == f"{skeleton_file}: expected joints in metres, at most 100 m"
     skeleton_file.unlink()
     assert f"{skeleton_file}: no such file" in message()
     write(tmp_path, name, depth_of(person), person)
