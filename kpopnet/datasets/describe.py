@@ -68,13 +68,11 @@ def main() -> None:
     parser.add_argument("path", type=Path, help="folder of the set, or a file in it")
     parser.add_argument("--figure", type=Path, metavar="FILE.png", help="draw the ids over the depth")
     options = parser.parse_args()
+    if options.figure is not None and options.figure.suffix.lower() != ".png":
+        raise InputError(f"--figure {options.figure}: expected a name that ends in .png")
     kind, path = recognised(options.path)
     found = kind.recording(path)
     print("\n".join(described(kind, path, found)))
     if options.figure is not None:
         save_png(options.figure, id_figure(found))
         print(f"ids: {options.figure}")
-
-
-if __name__ == "__main__":
-    main()

@@ -25,7 +25,7 @@ Its camera was in portrait orientation: point i is at column i // 176 and row i 
 positions are markers on the clothes, not joints in the body: a marker is some centimetres away from its joint, by an
 unpublished distance. Reports therefore give the raw error and the error after a constant offset of each joint is subtracted.
 
-Which id is which joint is not published in full, so it is a setting; `kpopnet.datasets.describe` lists the ids in the files.
+Which id is which joint is not published in full, so it is a setting; `kpopnet describe` lists the ids in the files.
 configs/benchmark/smmc10.yaml has the map of one public reader for head and hands (which also has 35 and 37 on the left lower
 leg, 43 and 41 on the right):
 
@@ -208,7 +208,7 @@ class PointCloudBenchmark:
 
 def listing(path: Path) -> str:
     """What lists the ids in a file, or in the first file of a folder."""
-    return f"`python -m kpopnet.datasets.describe {path}` lists the ids"
+    return f"`kpopnet describe {path}` lists the ids"
 
 
 def fit_camera(points_m: np.ndarray, where: str) -> Camera:

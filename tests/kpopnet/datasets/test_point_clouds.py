@@ -98,8 +98,8 @@ def test_what_is_left_out_is_logged(path, name, caplog):
 @pytest.mark.parametrize(
     ("joints", "message"),
     [
-        (dict.fromkeys(MAP), r"needs benchmark\.joints.*`python -m kpopnet\.datasets\.describe .*` lists"),
-        ({"head": 2}, r"holds the joints of the map.*`python -m kpopnet\.datasets\.describe .*` lists"),
+        (dict.fromkeys(MAP), r"needs benchmark\.joints.*`kpopnet describe .*` lists"),
+        ({"head": 2}, r"holds the joints of the map.*`kpopnet describe .*` lists"),
         ({"nose": 3}, "benchmark.joints: nose: expected one of the joints head, neck"),
         ({"head": True}, "benchmark.joints: head: expected ids, found True"),
         ({"head": 3, "neck": [3]}, r"benchmark.joints: head and neck: expected different ids, found \[3\] for both"),
@@ -139,6 +139,10 @@ def test_ids_are_listed_with_their_positions_and_drawn_there(tmp_path, name, mon
         assert "2 frames" in text and f"benchmark={name} benchmark.path={tmp_path} " in text
         assert "  3: in 50 % of the frames, first at (-0.50, 0.25, 1.50) m" in text
         assert "  7: in 100 % of the frames, first at (0.25, -0.50, 1.75) m" in text
+    monkeypatch.setattr(sys, "argv", ["describe", str(file), "--figure", str(tmp_path / "ids.jpg")])
+    with pytest.raises(SystemExit):
+        describe.main()
+    assert "ids.jpg: expected a name that ends in .png" in capsys.readouterr().err and not (tmp_path / "ids.jpg").exists()
     figure, scale = cv2.imread(str(tmp_path / "ids.png")), 960 / camera.width
     u, v, _ = camera.project(np.array([0.25, -0.5, 1.75]))
     blue, _, red = figure[round((v + 0.5) * scale), round((u + 0.5) * scale)].astype(int)
