@@ -147,6 +147,7 @@ def test_ids_are_listed_with_their_positions_and_drawn_there(tmp_path, name, mon
     u, v, _ = camera.project(np.array([0.25, -0.5, 1.75]))
     blue, _, red = figure[round((v + 0.5) * scale), round((u + 0.5) * scale)].astype(int)
     assert figure.shape[1] == 960 and red > 180 and blue < 80
+    assert np.percentile(figure[::20, ::20], 99) < 130  # white ids can be read on the nearest surfaces
     (tmp_path / "other").mkdir()
     with pytest.raises(InputError, match="expected sequences of SMMC-10 or EVAL, whose joints have ids, found nothing"):
         describe.recognised(tmp_path / "other")
