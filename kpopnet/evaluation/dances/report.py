@@ -52,7 +52,8 @@ def evaluate_dances(config: EvaluateConfig, folder: Path, see_teacher: SeeTeache
     better one is plotted. Raises InputError if a setting applies to benchmarks of joints only, or the dance to be plotted is
     not among the scored ones; see `run_dances`, also for `see_teacher`, which benchmark.seen_teacher asks for.
     """
-    config.refuse("sweep", "sequences", instead="benchmark.dances=10 makes a quick test")
+    config.refuse("sweep")
+    config.refuse("sequences", instead="benchmark.dances=10 makes a quick test")
     if config.extraction != DEFAULT_EXTRACTION:
         raise InputError(f"extraction={extraction_name(config.extraction)}: the depth of dances is segmented; leave it out")
     dances, plotted, count = open_set(config.benchmark), config.benchmark.dance, config.benchmark.dances

@@ -267,6 +267,7 @@ def test_the_report_has_all_its_parts(folder, fake, tmp_path):
     [
         ({"dance": "papa", "dances": 1}, {}, "dance=papa: not among the 1 dances to be scored"),
         ({}, {"sequences": 4}, "sequences: .*benchmark.dances"),
+        ({}, {"sweep": {"beta": [1]}}, "sweep: is for other benchmarks than kpop; leave it out"),
     ],
 )
 def test_settings_that_a_set_of_dances_cannot_have_are_refused(folder, tmp_path, benchmark, settings, message):
