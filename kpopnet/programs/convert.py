@@ -31,7 +31,7 @@ from kpopnet.dance.features import SEEN_CONFIDENCE
 from kpopnet.dance.joint_files.points import IMPERIAL_NAMES, NamedPoints, named_performances
 from kpopnet.dance.joint_files.reader import read_strangers_performance
 from kpopnet.dance.performance import Performance, from_absolute_clocks
-from kpopnet.datasets.dances.dance_set import LABELS, MAX_COORDINATE_M, TEACHER, check_times, is_learner_name
+from kpopnet.datasets.dances.dance_set import A_NAME, LABELS, MAX_COORDINATE_M, TEACHER, check_times, is_learner_name
 from kpopnet.datasets.dances.writer import write_labels, write_learner, write_teacher
 from kpopnet.datasets.protocol import check_joints
 from kpopnet.errors import InputError
@@ -62,7 +62,7 @@ def write_dance(out: Path, name: str, teacher: Performance, learners: dict[str, 
     is written, for what is no name of a dance or a learner, no dance, and for a folder that holds other learners.
     """
     for what, word in (("--dance", name), *(("learner", learner) for learner in learners)):
-        expect(is_learner_name(word), f"{what} {word!r}", "a name of letters, digits, spaces, -, _ and .")
+        expect(is_learner_name(word), f"{what} {word!r}", A_NAME)
     others = sorted({path.stem for path in (out / name).glob("*.h5")} - {Path(TEACHER).stem, *learners})
     if others:
         raise InputError(

@@ -316,6 +316,10 @@ def depth_key(depth_mm: np.ndarray, boxes: np.ndarray, camera: Camera) -> str:
     return digest.hexdigest()[:16]
 
 
+A_NAME = "a name of letters, digits, spaces, -, _ and ., other than teacher"
+"""What `is_learner_name` accepts, for messages."""
+
+
 def is_learner_name(name: str) -> bool:
     """Whether a name is valid for a learner's file in the folder of the dance."""
     letters = all(one.isalnum() or one in "-_. " or unicodedata.category(one) in ("Mn", "Mc") for one in name)

@@ -12,6 +12,7 @@ import numpy as np
 from kpopnet.camera import MM_PER_METRE, Camera, check_camera, depth_in_metres
 from kpopnet.dance.performance import Performance, check_dance, numbers
 from kpopnet.datasets.dances.dance_set import (
+    A_NAME,
     FORMAT,
     LABELS,
     MAX_COORDINATE_M,
@@ -122,11 +123,7 @@ def write_labels(folder: Path | str, best_first: Iterable[str]) -> None:
 
 
 def _check_name(name: str) -> None:
-    expect(
-        isinstance(name, str) and is_learner_name(name),
-        f"learner {name!r:.80}",
-        "a valid file name of letters, digits, - and _",
-    )
+    expect(isinstance(name, str) and is_learner_name(name), f"learner {name!r:.80}", A_NAME)
 
 
 def _write(

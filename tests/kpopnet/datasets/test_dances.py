@@ -57,7 +57,7 @@ def test_mistaken_arguments_of_the_writer_are_one_line(tmp_path):
         (lambda: write_teacher(None, Performance(RNG_JOINTS, TIMES_S)), "expected the path of a file or folder, got None"),
         (lambda: write_learner(tmp_path, "jin", ["now"] * FRAMES, RNG_JOINTS), r"jin\.h5: times: expected an array of numbers"),
         (lambda: write_learner(tmp_path, "jin", TIMES_S, masked), r"jin\.h5: joints: a masked array"),
-        (lambda: write_learner(tmp_path, None, TIMES_S, RNG_JOINTS), "learner None: expected a valid file name"),
+        (lambda: write_learner(tmp_path, None, TIMES_S, RNG_JOINTS), "learner None: expected a name of letters"),
         (lambda: write_learner(tmp_path, "jin", TIMES_S, depth=whole_frames()), "learner jin: depth: expected a PackedDepth"),
         (
             lambda: write_learner(tmp_path, "jin", TIMES_S, RNG_JOINTS, about={"level": np.nan}),
@@ -70,7 +70,7 @@ def test_mistaken_arguments_of_the_writer_are_one_line(tmp_path):
         (lambda: write_teacher(tmp_path, Performance(RNG_JOINTS, TIMES_S), ["mine"]), "about: expected notes by name"),
         (lambda: write_labels(tmp_path, "jin"), r"labels\.csv: expected a list of names, the best first, got 'jin'"),
         (lambda: write_labels(tmp_path, None), r"labels\.csv: expected a list of names"),
-        (lambda: write_labels(tmp_path, ["jin", 2]), "learner 2: expected a valid file name"),
+        (lambda: write_labels(tmp_path, ["jin", 2]), "learner 2: expected a name of letters"),
         (lambda: PackedDepth("kinect_2"), r"camera: expected a kpopnet\.camera\.Camera"),
         (
             lambda: PackedDepth(CAMERA).add(whole_frames()[0][:9, :9], 1.5),

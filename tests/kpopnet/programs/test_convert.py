@@ -71,6 +71,8 @@ def test_guessed_joints_become_missing_and_a_name_that_cannot_be_writes_nothing(
     convert = partial(program, "convert", "recordings", tmp_path / "out", "--dance", "t", "--teacher", tmp_path / "teacher.npz")
     told = convert("--learners", tmp_path / "best.npz", tmp_path / "good (1).npz", fails=True)
     assert "learner 'good (1)': expected a name" in told
+    told = convert("--learners", tmp_path / "best.npz", tmp_path / "teacher.npz", fails=True)
+    assert "learner 'teacher': expected a name" in told and "other than teacher" in told
     assert not (tmp_path / "out").exists()
     convert("--learners", tmp_path / "best.npz", tmp_path / "good.npz")
     dance = KpopSet(tmp_path / "out").dance("t")
