@@ -218,6 +218,7 @@ def score_by_rank(run: DanceRun) -> Figure:
         panel.set_ylabel("score")
     for panel in panels[-1]:
         panel.set_xlabel("rank by the labels, 1 = best")
+    figure.suptitle(_title(run))
     return figure
 
 
@@ -239,7 +240,12 @@ def timelines(run: DanceRun, dance: str) -> Figure:
         row[1].set_ylim(0, 100)
         row[2].axhline(0, color="black", linewidth=0.5)
         row[0].set_title(f"{dance}, {source}, {run.main.scorer}", fontsize=10, loc="left")
-        row[0].legend(fontsize=7, title="rank: learner, score", title_fontsize=7, loc="best", ncols=2)
+        row[2].legend(fontsize=7, title="rank: learner, score", title_fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
     for panel in panels[-1]:
         panel.set_xlabel("start of the window, s")
+    figure.suptitle(_title(run))
     return figure
+
+
+def _title(run: DanceRun) -> str:
+    return f"{run.dances.manifest.name} ({run.dances.manifest.origin.value})"

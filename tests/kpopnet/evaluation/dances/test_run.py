@@ -34,7 +34,9 @@ from kpopnet.evaluation.dances.report import (
     paired_table,
     rank_table,
     remarks,
+    score_by_rank,
     table_2,
+    timelines,
 )
 from kpopnet.evaluation.dances.run import run_dances
 from kpopnet.evaluation.registry import BestConfig, NetworkEstimatorConfig, RealtimeConfig
@@ -243,6 +245,13 @@ def test_it_is_said_that_the_noise_of_another_checkpoint_is_not_its_own(folder, 
     estimators = {"network": NetworkEstimatorConfig(checkpoint=checkpoint)}
     found = run(folder, estimators, count=1, scorers={"dance22": PartScorer(noise=noise)})
     assert sum("network runs a given checkpoint" in line for line in found.assumptions) == told
+
+
+def test_pictures_of_simulated_learners_say_so(folder):
+    (folder / "manifest.json").write_text('{"name": "kpop_sim", "simulated": true, "about": "", "dances": 2}')
+    found = run(folder, {})
+    for figure in (score_by_rank(found), timelines(found, "mama")):
+        assert figure.get_suptitle() == "kpop_sim (simulated)"
 
 
 def test_the_report_has_all_its_parts(folder, fake, tmp_path):
