@@ -110,9 +110,10 @@ def confidence_figure(run: PoseRun) -> Figure:
         if not len(joints.error_m):
             continue
         count, mean, within = reliability(joints)
-        (line,) = reliable.plot(mean[count > 0], within[count > 0], linewidth=1, label=name)
+        # Not clipped: most joints are sure and right, at the corner of the panel.
+        (line,) = reliable.plot(mean[count > 0], within[count > 0], linewidth=1, label=name, clip_on=False)
         # The area of a dot is its bin's share of the joints.
-        reliable.scatter(mean, within, s=6 + 400 * count / count.sum(), color=line.get_color(), alpha=0.6)
+        reliable.scatter(mean, within, s=6 + 400 * count / count.sum(), color=line.get_color(), alpha=0.6, clip_on=False)
         curve_m = risk_curve_m(joints)
         at = np.linspace(0, len(curve_m) - 1, min(CURVE_POINTS, len(curve_m))).astype(int)
         risk.plot((at + 1) / len(curve_m) * 100, 100 * curve_m[at], label=name)

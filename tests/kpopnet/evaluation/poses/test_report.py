@@ -10,7 +10,7 @@ from films import Films, Off
 
 from kpopnet.datasets.protocol import Origin
 from kpopnet.evaluation.config import EvaluateConfig
-from kpopnet.evaluation.poses.figures import joint_bars, sequence_bars
+from kpopnet.evaluation.poses.figures import confidence_figure, joint_bars, sequence_bars
 from kpopnet.evaluation.poses.report import pose_metrics, pose_report
 from kpopnet.evaluation.poses.run import PoseRun, run_benchmark
 from kpopnet.evaluation.poses.sweep import Sweep, sweep_of
@@ -53,6 +53,12 @@ def test_the_report_holds_the_errors_their_differences_and_all_its_files(films, 
     links = re.findall(r"\[[^]]*\]\(([^)]*)\)", text)
     assert links and all((tmp_path / "report" / link).is_file() for link in links)
     assert page.count("data:image/png;base64,") == len(found["pictures"]) and page.count("<iframe sandbox=") == 3
+
+
+def test_the_confidence_of_joints_that_are_all_sure_and_right_is_drawn_whole(films):
+    panel = confidence_figure(films).axes[0]
+    drawn = [*panel.collections, *panel.lines[1:]]
+    assert len(drawn) == 4 and not any(one.get_clip_on() for one in drawn)
 
 
 @pytest.mark.parametrize(
