@@ -80,6 +80,12 @@ def test_a_joint_that_is_none_is_named_with_the_one_that_may_be_meant(place, giv
     assert (done.returncode, done.stderr) == (1, told)
 
 
+def test_a_checkpoint_that_no_estimator_takes_is_refused(place):
+    done = evaluate(place, "estimator=[tracker]", "checkpoint=run/last", "benchmark.path=set", "hydra.run.dir=without")
+    told = "error: checkpoint: no estimator of this run takes it; leave it out, or add one, as in 'estimator=[network]'\n"
+    assert done.returncode == 1 and done.stderr == told
+
+
 def composed(*settings: str) -> EvaluateConfig:
     with initialize_config_dir(str(ROOT / "configs"), version_base="1.3"):
         return OmegaConf.to_object(compose("evaluate", list(settings)))

@@ -83,6 +83,9 @@ def main(config: EvaluateConfig) -> None:
     folder, named = Path(HydraConfig.get().runtime.output_dir), config.benchmark.name
     if BENCHMARKS.get(named, (None,))[0] is not type(config.benchmark):
         raise InputError(f"benchmark.name={named}: not a setting; choose one by benchmark={'|'.join(BENCHMARKS)}")
+    given = config.checkpoint
+    if given is not None and all(getattr(one, "checkpoint", None) != given for one in config.estimator.values()):
+        raise InputError("checkpoint: no estimator of this run takes it; leave it out, or add one, as in 'estimator=[network]'")
     if (folder / "metrics.json").exists():  # the last file of a report
         raise InputError(f"{folder}: holds a report; give another folder (hydra.run.dir=...), or delete it")
     with naming(folder):
