@@ -3,7 +3,9 @@
 People are found in the raw scene; no estimator is given their number.
 """
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -90,11 +92,22 @@ def follower(label: str, settings: Any, extraction: Any = DEFAULT_EXTRACTION) ->
     raise InputError(f"estimator {label}: estimates one person; for several take 'estimator=[tracker]', realtime or best")
 
 
+@contextmanager
+def _without_advice() -> Iterator[None]:
+    """Silences what `PoseEstimator` advises where it finds nobody: rooms may be empty, and the report counts who is missed."""
+    log = logging.getLogger(PoseEstimator.__module__)
+    log.disabled = True
+    try:
+        yield
+    finally:
+        log.disabled = False
+
+
 def matched_people(benchmark: PeopleSet, followers: dict[str, Timed], name: str) -> dict[str, MatchedSequence]:
     """Reads a sequence by its name and matches all people that each follower, by estimator, finds in it."""
     sequence, matched = benchmark.read(name), {}
     for label, follow in followers.items():
-        with stage(label):
+        with stage(label), _without_advice():
             people, seconds = follow(sequence.depth, sequence.camera, fps=sequence.fps)
             joints_m = [one.joints_camera_m for one in people]
             estimates_m = np.array(joints_m).reshape(len(people), len(sequence.depth), NUM_JOINTS, 3)

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from kpopnet.datasets.protocol import BenchmarkConfig
 from kpopnet.datasets.simulated import StoredSequence
 from kpopnet.errors import InputError
 from kpopnet.evaluation.config import EvaluateConfig
+from kpopnet.evaluation.engine import Timed
 from kpopnet.evaluation.people.metrics import MatchedSequence, by_kind, causes, figures, match, wrong_joints
-from kpopnet.evaluation.people.report import evaluate_people, follower
+from kpopnet.evaluation.people.report import evaluate_people, follower, matched_people
 from kpopnet.evaluation.registry import BestConfig, MeanPoseConfig, RealtimeConfig
 from kpopnet.evaluation.report import write
 from kpopnet.paper_extraction import PaperExtractionConfig
@@ -216,6 +218,13 @@ def test_an_estimate_beside_one_person_alone_is_not_two_as_one(truth_m: np.ndarr
     estimates_m = truth_m.copy()
     estimates_m[:, 0] += np.float32((0, 0, 0.4))
     assert causes(truth_m[0], matched(truth_m, estimates_m), 0) == {"not found": 1, "false person": 1}
+
+
+def test_an_empty_room_brings_no_advice_about_cameras_and_units(truth_m: np.ndarray, caplog) -> None:
+    one, follow = SimpleNamespace(read=lambda _: sequence(truth_m)), follower("tracker", TrackerEstimatorConfig())
+    found = matched_people(one, {"tracker": Timed(follow)}, "a")["tracker"]
+    assert len(found.identities) == 0 and not caplog.text
+    assert follow(sequence(truth_m).depth, CAMERA, 30.0) == [] and "no person was found" in caplog.text
 
 
 def test_who_is_behind_the_camera_is_not_judged(truth_m: np.ndarray) -> None:
