@@ -80,6 +80,20 @@ def test_a_joint_that_is_none_is_named_with_the_one_that_may_be_meant(place, giv
     assert (done.returncode, done.stderr) == (1, told)
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("estimator.network.device=cpu", "is for another estimator than the given one, estimator=..."),
+        ("benchmark.poses=out", "is for another benchmark than the given one, benchmark=..."),
+        ("benchmark.pose=out", "there is no such setting; --help lists them"),
+        ("estimator.tracker.strt=label", "there is no such setting; did you mean estimator.tracker.start?"),
+    ],
+)
+def test_a_setting_that_is_not_there_is_not_said_to_be_meant(place, given, told):
+    done = evaluate(place, "benchmark=eval_sim", "estimator=[tracker]", given, "hydra.run.dir=wrong")
+    assert done.stderr.startswith(f"error: {given.partition('=')[0]}: {told}")
+
+
 def test_a_checkpoint_that_no_estimator_takes_is_refused(place):
     done = evaluate(place, "estimator=[tracker]", "checkpoint=run/last", "benchmark.path=set", "hydra.run.dir=without")
     told = "error: checkpoint: no estimator of this run takes it; leave it out, or add one, as in 'estimator=[network]'\n"

@@ -15,7 +15,7 @@ import textwrap
 import types
 import typing
 from collections import ChainMap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -129,18 +129,23 @@ def _unknown_choice(error: MissingConfigException, folder: Path) -> Exception:
     return InputError(f"{group}={name}: expected one of {', '.join(known)}") if group and known else error
 
 
-def _unknown_setting(error: ConfigCompositionException, known: Iterable[str]) -> InputError | None:
+def _unknown_setting(error: ConfigCompositionException, known: Collection[str]) -> InputError | None:
     """What may have been meant, in the place of the class that lacks a setting; None for another mistake."""
     found, cause = re.match(r"Could not override '([\w.]+)'", str(error)), error.__cause__
     if not found:
         return None
-    name, beside = found[1], []
+    name = found[1]
     if isinstance(cause, ConfigKeyError | ConfigAttributeError):
         name = max(name, cause.full_key or "", key=len)  # a value in braces has names of its own
-        beside = [f"{name.rpartition('.')[0]}.{one}" for one in cause.parent_node or () if "." in name]
+        if name in known:
+            group = name.partition(".")[0]
+            return InputError(f"{name}: is for another {group} than the given one, {group}=...; --help lists them")
+        place, _, last = name.rpartition(".")
+        if place and name == cause.full_key:  # its place exists: what stands elsewhere was not meant
+            known = [f"{place}.{one}" for one in difflib.get_close_matches(last, cause.parent_node or (), 1)]
     elif "No match in the defaults list" not in str(error):  # Hydra's advice to append a group ends in another refusal
         return None
-    near = difflib.get_close_matches(name, [*known, *beside], 1)
+    near = difflib.get_close_matches(name, known, 1)
     hint = f"did you mean {near[0]}? " if near else ""
     return InputError(f"{name}: there is no such setting; {hint}--help lists them")
 
