@@ -85,7 +85,7 @@ class ObservationConfig:
         crops: folder with person crops in train/ and validation/ (`kpopnet.data.person_crops`), which are added to the samples.
         crops_repeated: how often an epoch has each of the training crops.
         seed: of everything random.
-        workers: processes that prepare batches.
+        workers: processes that prepare batches; 0 prepares them in this process.
     """
 
     sensor: SensorConfig = field(default_factory=SensorConfig)
