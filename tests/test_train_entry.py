@@ -130,6 +130,7 @@ def test_a_tree_walk_is_trained_and_judged(place):
     assert "kpopnet evaluate 'estimator=[tree_walk]' estimator.tree_walk.path=model" in done.stdout + done.stderr
     again = run(place, *words, "seed=3")
     assert again.returncode == 1 and "model: holds a model; give another folder" in again.stderr
+    assert "seed=3" not in (place / "model" / ".hydra" / "overrides.yaml").read_text()
     meta = json.loads((place / "model" / "meta.json").read_text())
     assert meta["config"]["tree_walk"]["images"] == 40 and meta["config"]["sensor"]["name"] == "kinect_v1"
 

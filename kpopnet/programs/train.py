@@ -48,7 +48,7 @@ from kpopnet.runtime.cpu import bounded_processes
 from kpopnet.runtime.folder_lock import locked
 from kpopnet.runtime.hydra_app import OutputFolder, command_line_settings, entry_point, register_choices, resumed_config
 from kpopnet.runtime.input_files import settings_from
-from kpopnet.training.finder import FinderTraining, train_finder
+from kpopnet.training.finder import FinderTraining, refuse_other_finder, train_finder
 from kpopnet.training.loop import RunConfig, refuse_other_run, train
 from synth.samples.observe import ExtractionConfig, Observer
 from synth.sensor.model import SENSORS, SensorConfig
@@ -56,7 +56,7 @@ from synth.sensor.model import SENSORS, SensorConfig
 log = logging.getLogger(__name__)
 
 OmegaConf.register_new_resolver("run_folder", run_folder)
-OmegaConf.register_new_resolver("run_subdir", lambda resume: ".hydra" if resume is None else ".hydra_resumed")
+OmegaConf.register_new_resolver("run_subdir", lambda resume: ".hydra_resumed" if resume else ".hydra")
 register_choices("sensor", SENSORS)
 
 
@@ -172,10 +172,15 @@ class FinderTrainingConfig:
 
 
 class TrainingFolder(OutputFolder):
-    """Locks a run's folder, and refuses one that holds another run."""
+    """Locks a run's folder, and refuses one that holds another run, whose configuration Hydra would replace."""
 
     def check(self, config: DictConfig, folder: Path) -> None:
-        refuse_other_run(folder, config.training.resume)
+        if "tree_walk" in config:
+            refuse_other_model(Path(config.out))
+        elif "out" not in config:
+            refuse_other_run(folder, config.training.resume)
+        elif not config.training.resume:
+            refuse_other_finder(Path(config.out))
 
 
 def as_started_from(config: NetworkTrainingConfig) -> NetworkTrainingConfig:
@@ -210,11 +215,16 @@ def run_network_training(config: NetworkTrainingConfig) -> None:
     train(config, source, validation, Path(HydraConfig.get().runtime.output_dir), data)
 
 
+def refuse_other_model(folder: Path) -> None:
+    """Raises InputError for a folder with a tree walk."""
+    if (folder / META).exists():
+        raise InputError(f"{folder}: holds a model; give another folder (out=...), or delete it")
+
+
 def run_tree_walk_training(config: TreeWalkTrainingConfig) -> None:
     source, _, data = config.observed()
     with locked(config.out):  # another folder than Hydra's, if both are given
-        if (Path(config.out) / META).exists():
-            raise InputError(f"{config.out}: holds a model; give another folder (out=...), or delete it")
+        refuse_other_model(Path(config.out))
         model = train_tree_walk(config.tree_walk, source, config.seed, bounded_processes(config.workers, "workers"))
         model.save(Path(config.out), {"config": asdict(config), "data": data})
     log.info(f"{config.out}: judge it by kpopnet evaluate 'estimator=[tree_walk]' estimator.tree_walk.path={config.out}")

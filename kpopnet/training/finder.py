@@ -226,6 +226,14 @@ def _seen(images: Tensor, to_image: Tensor, principal_px: Tensor, cameras: Tenso
     return torch.where(inside, picked, 0).view(-1, count, height, width)
 
 
+def refuse_other_finder(folder: Path) -> None:
+    """Raises InputError for a folder with a run or weights, which a new run would replace."""
+    if (folder / STATE).exists():
+        raise InputError(f"{folder}: holds a run; go on with it (training.resume=true), or give another folder (out=...)")
+    if (folder / WEIGHTS).exists() and not (folder / META).exists():
+        raise InputError(f"{folder}: holds {WEIGHTS} of no run; give another folder (out=...)")
+
+
 class FinderRun(Descent):
     """The state of a training."""
 
@@ -240,10 +248,8 @@ class FinderRun(Descent):
         super().__init__(network.to(device), "muon", config.lr, config.steps, CLIP_NORM)
         if config.resume:
             self.load()
-        elif (folder / STATE).exists():
-            raise InputError(f"{folder}: holds a run; go on with it (training.resume=true), or give another folder (out=...)")
-        elif (folder / WEIGHTS).exists() and not (folder / META).exists():
-            raise InputError(f"{folder}: holds {WEIGHTS} of no run; give another folder (out=...)")
+        else:
+            refuse_other_finder(folder)
 
     def update(self, image: Tensor, target: Target) -> dict[str, float]:
         """Takes one step; returns the terms of the loss."""

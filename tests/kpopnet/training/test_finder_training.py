@@ -120,6 +120,11 @@ def test_the_program_trains(data, tmp_path):
     done = run_program("train.py", tmp_path, *given)
     assert done.returncode == 0 and "step 2 of 2: of the people's cells" in done.stderr + done.stdout, done.stderr
     assert (tmp_path / "run" / WEIGHTS).exists()
+    # What is refused leaves the record of how the run was configured.
+    for others, message in ((["seed=3"], "holds a run"), (["seed=3", "training.resume=true"], "was begun with seed=0, not 3")):
+        refused = run_program("train.py", tmp_path, *given, *others)
+        assert refused.returncode == 1 and message in refused.stderr, refused.stderr
+        assert "seed=3" not in (tmp_path / "run" / ".hydra" / "overrides.yaml").read_text()
 
 
 def test_the_masks_learn_whose_the_cells_are(tmp_path):
