@@ -79,7 +79,7 @@ def _agreed(points: np.ndarray, weights: np.ndarray, least: float) -> np.ndarray
     """(P, 3) the centres on which more than the least weight of votes agrees, one after another, each without those before."""
     free, centres = np.ones(len(points), bool), []
     while len(centres) < MOST_PEOPLE:
-        centre, weight = _densest(points, weights, free)
+        centre, weight = densest(points, weights, free)
         if weight < least:
             break
         free &= np.square(points - centre).sum(axis=1) >= TAKEN_M**2
@@ -110,19 +110,21 @@ def _are_whole(centres: np.ndarray, weight: np.ndarray, order: np.ndarray) -> np
 
 
 @njit(cache=True)
-def _densest(points, weights, free):
+def densest(points, weights, free):
     """The point on which most of the free votes' weight agrees, moved twice to the mean of these, and their weight."""
     step = max(1, len(points) // SEEDS)
+    x, y, z = points[::step].T.copy()
+    agreed = np.zeros(len(x))
+    for k in range(len(points)):
+        if free[k]:
+            weight = np.float64(weights[k])
+            for seed in range(len(x)):  # the inner loop, so that it vectorises
+                apart = (points[k, 0] - x[seed]) ** 2 + (points[k, 1] - y[seed]) ** 2 + (points[k, 2] - z[seed]) ** 2
+                agreed[seed] += weight if apart < np.float32(AGREE_M**2) else 0.0
     most, best = 0.0, -1
-    for seed in range(0, len(points), step):
-        if not free[seed]:
-            continue
-        weight = 0.0
-        for k in range(len(points)):
-            if free[k] and _squared(points[k], points[seed]) < AGREE_M**2:
-                weight += weights[k]
-        if weight > most:
-            most, best = weight, seed
+    for seed in range(len(x)):
+        if free[seed * step] and agreed[seed] > most:
+            most, best = agreed[seed], seed * step
     centre = np.zeros(3, np.float32)
     if best < 0:
         return centre, 0.0

@@ -3,7 +3,17 @@
 import numpy as np
 
 from kpopnet.data.canvas import STRIDE
-from kpopnet.finder.people import BESIDE_M, BESIDE_PER_M, Cells, OwnedCells, gather_people, pixel_owners
+from kpopnet.finder.people import (
+    AGREE_M,
+    BESIDE_M,
+    BESIDE_PER_M,
+    SEEDS,
+    Cells,
+    OwnedCells,
+    densest,
+    gather_people,
+    pixel_owners,
+)
 
 H, W = 64, 80
 LIMITS = 0.5, 0.03, 8
@@ -43,6 +53,23 @@ def test_specks_and_unmeasured_cells_are_not_people():
     given.area_m2[20:40, 20:30] = 0
     centres_m, *_, owner = gather_people(given, *LIMITS)
     assert not len(centres_m) and not owner.any()
+
+
+def test_the_densest_vote_equals_the_rule_written_plainly():
+    for count in (1, 60, SEEDS + 1, 3 * SEEDS):
+        rng = np.random.default_rng(count)
+        points_m = rng.normal(0, 0.15, (count, 3)) + rng.integers(0, 3, (count, 1))
+        weights, free = rng.uniform(0.1, 1, count), rng.random(count) < 0.8
+        near = np.linalg.norm(points_m[:, None] - points_m, axis=2) < AGREE_M
+        agreed = (near & free) @ weights
+        agreed[~free | (np.arange(count) % max(1, count // SEEDS) > 0)] = 0
+        centre_m = points_m[agreed.argmax()]
+        for _ in range(2):
+            around = free & (np.linalg.norm(points_m - centre_m, axis=1) < AGREE_M)
+            centre_m = np.average(points_m[around], axis=0, weights=weights[around])
+        found_m, weight = densest(points_m.astype(np.float32), weights.astype(np.float32), free)
+        assert np.allclose(found_m, centre_m, atol=1e-5) and np.isclose(weight, agreed.max(), rtol=1e-5)
+    assert densest(points_m.astype(np.float32), weights.astype(np.float32), np.zeros(count, bool))[1] == 0
 
 
 def test_pixels_take_the_person_beside_them_at_their_depth():
