@@ -43,7 +43,7 @@ import numpy as np
 
 from kpopnet.camera import Camera
 from kpopnet.data.made_sets import MANIFEST
-from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, heading_rad
+from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, check_joints, heading_rad
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import check_budget, expect
 from kpopnet.skeleton import JOINT_NAMES, NUM_JOINTS
@@ -126,6 +126,7 @@ class PointCloudBenchmark:
                 joints_m[:, JOINT_NAMES.index(joint)] = np.mean([found.positions_m[number] for number in ids], axis=0)
         if np.isnan(joints_m).all():
             raise InputError(f"{path}: no frame holds the joints of the map {self._ids}; {listing(path)}")
+        check_joints(str(path), joints_m)
         mapped = {number for ids in self._ids.values() for number in ids}
         if set(found.positions_m) != mapped:
             log.warning(

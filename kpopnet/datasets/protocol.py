@@ -90,7 +90,11 @@ class Benchmark(Protocol):
         ...
 
 
-def check_joints(where: str, joints_m: np.ndarray, limit_m: float) -> None:
+MAX_COORDINATE_M = 100.0
+"""Joints of a benchmark that lie farther from the camera are damage."""
+
+
+def check_joints(where: str, joints_m: np.ndarray, limit_m: float = MAX_COORDINATE_M) -> None:
     """Raises InputError unless some joints are known, and all that are known (not NaN) lie within `limit_m` of the camera."""
     known = joints_m[~np.isnan(joints_m)]
     expect(known.size > 0 and bool(np.abs(known).max() <= limit_m), where, f"joints in metres, at most {limit_m:g} m")

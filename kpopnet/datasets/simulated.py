@@ -25,7 +25,6 @@ from kpopnet.skeleton import NUM_JOINTS
 log = logging.getLogger(__name__)
 
 FORMAT, VERSION = "kpopnet sequence", 1
-MAX_COORDINATE_M = 100.0
 
 SCHEMA = Hdf5Schema(
     name="a simulated sequence",
@@ -98,7 +97,7 @@ def read_sequence(path: Path, images: Several[int] | None = None) -> StoredSeque
     joints_m, people = arrays["joints_m"], tuple(attributes["people"])
     expect(len(joints_m) > 0 and len(people) == joints_m.shape[1], str(path), "frames, and a name for each person")
     if people:
-        check_joints(f"{path}: joints_m", joints_m, MAX_COORDINATE_M)
+        check_joints(f"{path}: joints_m", joints_m)
     expect(len(attributes["camera"]) == 6, f"{path}: camera", "fx, fy, cx, cy, width, height")
     camera, fps = Camera.from_numbers(attributes["camera"], f"{path}: camera"), float(attributes["fps"])
     check_between(f"{path}: fps", fps, 1, 1000)

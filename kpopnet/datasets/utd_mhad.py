@@ -18,7 +18,6 @@ from scipy.spatial import cKDTree
 
 from kpopnet.camera import Camera, depth_in_metres
 from kpopnet.datasets.protocol import BenchmarkConfig, Origin, Sequence, check_joints
-from kpopnet.datasets.simulated import MAX_COORDINATE_M
 from kpopnet.errors import InputError
 from kpopnet.runtime.input_files import ArraySchema, check_array, check_names, expect, read_with
 from kpopnet.skeleton import Joint
@@ -128,7 +127,7 @@ class UtdMhadBenchmark:
         skeleton_m = stored.astype(np.float64)
         absent = ~np.isfinite(skeleton_m).all(axis=-1) | (skeleton_m == 0).all(axis=-1)
         skeleton_m[absent] = np.nan
-        check_joints(str(path), skeleton_m, MAX_COORDINATE_M)
+        check_joints(str(path), skeleton_m)
         return skeleton_m * [1, -1, 1]
 
 

@@ -48,7 +48,7 @@ def stages_of(path: Path, frame: int, camera_name: str, start: str = "auto") -> 
     try:
         recorded = open_npy(path, ArraySchema("uf", (None, None, None)))
     except InputError as error:
-        raise InputError(f"{path}: expected (T, H, W) depth that numpy.save wrote ({error})") from error
+        raise InputError(f"{error}; give (T, H, W) depth that numpy.save wrote") from error
     camera = CAMERAS[camera_name]
     if not 0 < frame < len(recorded):
         raise InputError(f"{path}: frame {frame} of {len(recorded)}; frames count from 0, and one before it is needed")

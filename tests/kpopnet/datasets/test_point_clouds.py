@@ -78,6 +78,13 @@ def test_a_truncated_file_and_an_invalid_frame_are_named(path, name):
             read(path)
 
 
+def test_joints_far_beyond_any_camera_are_refused(path, name):
+    joints = [(number, (1e30 if number == 24 else 0, 0, -2)) for number in (1, 3, 5, 24)]
+    path.write_bytes(frame_of(name, 0) + frame_of(name, 1, joints=joints))
+    with pytest.raises(InputError, match=rf"{path.name}: expected joints in metres, at most 100 m"):
+        read(path)
+
+
 def test_what_is_left_out_is_logged(path, name, caplog):
     points = points_of(name, 0).copy()
     points[50, 60:70] = np.nan
