@@ -330,8 +330,7 @@ def read_npy_header(file: IO[bytes], where: str, may_be_objects: bool = False) -
 def open_npy(path: Path, schema: ArraySchema) -> np.ndarray:
     """Opens an .npy file, whose array must not be empty, as a read-only memory map."""
     with parsing(path, "not a readable .npy file"):
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    expect(isinstance(array, np.ndarray), str(path), "an .npy file of one array, found an .npz file")
+        array = np.lib.format.open_memmap(path, mode="r")
     check_array(str(path), array.shape, array.dtype, schema)
     expect(array.size > 0, str(path), f"an array that is not empty, found {array.shape}")
     return array
