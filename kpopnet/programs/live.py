@@ -15,7 +15,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from kpopnet.errors import InputError
+from kpopnet.errors import InputError, check_between
 from kpopnet.live.loop import Watcher, Watching
 from kpopnet.live.streams import PORTS, STREAMS, TO_STDOUT, ReaderGoneError
 from kpopnet.pose.estimator import MAX_PEOPLE
@@ -56,6 +56,7 @@ def watching(given: argparse.Namespace) -> Watching:
     """What the command line asks to watch; raises InputError for mistakes in it."""
     if given.source is None:
         raise InputError(f"no source; give a recording of depth, or a camera: {', '.join(LIVE_CAMERAS)}")
+    check_between("--people", given.people, 1, MAX_PEOPLE)
     if given.no_page and given.stream is None:
         raise InputError("--no-page: nothing would be seen; add --stream json, csv, osc or vmc")
     last = 65536 - given.people if given.stream == "vmc" else 65535  # each person has a port

@@ -49,6 +49,7 @@ def test_a_reader_that_ends_ends_the_stream_in_silence(tmp_path):
         (("nothing.npz", "--no-page"), "add --stream json, csv, osc or vmc"),
         (("nothing.npz", "--stream", "json", "--port-out", "9000"), "--port-out 9000: expected 1 to 65535, with --stream osc"),
         (("nothing.npz", "--stream", "vmc", "--port-out", "65534", "--people", "3"), "--port-out 65534: expected 1 to 65533"),
+        (("nothing.npz", "--people", "99"), "--people=99: expected a number in 1..16"),
         (("tcp:127.0.0.1:9", "--fov", "60"), "--fov: a live camera states its own; it is for recordings"),
         (("tcp:127.0.0.1:9", "--fps", "0"), "--fps: a live camera"),
         (("tcp:127.0.0.1:9", "--loop"), "--loop: a live camera"),
