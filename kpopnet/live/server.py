@@ -67,6 +67,8 @@ class Watch:
     def _tell(self, kind: str, content: dict, attached: Any) -> None:
         if kind != "said":
             self._latest[kind] = kind, content, attached
+        if kind == "state" and content["ended"] and not self._is_over:  # who reads the stream alone sees no page
+            print(content["text"], file=sys.stderr)
         for page in self._pages:
             page.put(kind, content, attached)
 

@@ -155,7 +155,7 @@ def test_a_camera_that_is_unplugged_goes_on_and_the_program_ends_when_all_is_sav
     assert path.name in capfd.readouterr().err
 
 
-def test_the_end_of_a_recording_is_told_and_what_is_kept_is_saved(images, tmp_path):
+def test_the_end_of_a_recording_is_told_and_what_is_kept_is_saved(images, tmp_path, capfd):
     async def work(client):
         async with looking(client) as page:
             await page.order("joints", True)
@@ -164,6 +164,7 @@ def test_the_end_of_a_recording_is_told_and_what_is_kept_is_saved(images, tmp_pa
 
     with_client(watched(tmp_path, loop=False), work)
     assert len(list((tmp_path / "kept").glob("joints-person*.npz"))) == 2
+    assert capfd.readouterr().err.count("two.npz has ended") == 1
 
 
 def test_a_source_that_does_not_open_ends_the_program_before_it_serves(tmp_path):
