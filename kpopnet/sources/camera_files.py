@@ -94,7 +94,8 @@ def optics(camera: Camera, coefficients: Any, model: str, where: str) -> Optics:
     is_fisheye = any(one in model.lower() for one in ("kannala", "equidistant", "fisheye"))
     most = 4 if is_fisheye else 8
     fits = isinstance(coefficients, list) and all(isinstance(one, int | float) for one in coefficients)
-    expect(fits and not any(coefficients[most:]), where, f"at most {most} lens coefficients that are not 0")
+    expect(fits, f"{where}: coeffs", "a list of numbers; leave it out where no lens is known")
+    expect(not any(coefficients[most:]), where, f"at most {most} lens coefficients that are not 0")
     lens = Lens(tuple(map(float, coefficients[:most])), is_fisheye)
     if not any(lens.coefficients):
         return Optics(camera)

@@ -81,6 +81,7 @@ def test_the_lens_is_what_the_file_states_and_an_unknown_model_is_told(tmp_path,
         (OURS | {"coeffs": [0.1] * 14}, (), "at most 8 lens coefficients"),
         (OURS | {"coeffs": [0.1] * 5, "model": "kannala_brandt4"}, (), "at most 4 lens coefficients"),
         (OURS | {"fx": -1}, (), "fx=-1"),
+        (OURS | {"coeffs": None}, (), "coeffs: expected a list of numbers; leave it out"),
         (OURS | {"distortion": [0.1, 0.2, 0, 0]}, (), "distortion: expected a lens under coeffs"),
         (
             {name: REALSENSE[name] for name in REALSENSE if name != "coeffs"} | {"dist_coeffs": [[0.1, 0.2]]},
