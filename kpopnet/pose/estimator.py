@@ -79,6 +79,8 @@ class PoseEstimator:
         comes with the package, on the device cpu or cuda. Raises InputError: it cannot be loaded, or a setting is wrong.
         """
         check_one_of("mode", mode, MODES)
+        if mode == "tracker" and checkpoint is not None:
+            raise InputError(f"checkpoint {checkpoint}: the mode tracker uses no network; leave the checkpoint or the mode out")
         network = NetworkEstimator(checkpoint, device=device) if mode != "tracker" else None
         return cls(network, mode, people, extraction)
 

@@ -180,6 +180,7 @@ def test_mistaken_arguments_of_estimators_are_one_line():
     for mistaken, message in (
         (lambda: PoseEstimator(Blob()).estimate("dance.npz", CAMERA), r"got str; kpopnet\.sources\.open_depth opens"),
         (lambda: PoseEstimator(Blob()).update(DEPTH[0], CAMERA, ""), "time_s='': expected a number"),
+        (lambda: PoseEstimator.load("net", mode="tracker"), "checkpoint net: the mode tracker uses no network"),
         (lambda: PoseEstimator.load(3), "expected the path of a file or folder, got 3"),
         (lambda: TrackerEstimator("standing"), "config: expected a .*TrackerEstimatorConfig, got 'standing'"),
         (lambda: PaperTrackerEstimator("y_pose"), "config: expected a .*PaperTrackerConfig, got 'y_pose'"),
