@@ -252,7 +252,7 @@ def test_of_images_that_all_came_before_a_camera_it_gets_the_last_one(tmp_path):
         (sent_line(cx=float("nan")), "NaN"),
         (sent_line(dtype="uint8"), "uint16, float32"),
         (sent_line(unit_m=0), "unit_m"),
-        (sent_line(coeffs="round"), "lens coefficients"),
+        (sent_line(coeffs="round"), "coeffs: expected a list of numbers"),
     ],
 )
 def test_a_wrong_first_line_is_one_line(tmp_path, line, told):
