@@ -28,7 +28,7 @@ STILL, MOVING, SPREAD_S, MIN_STILL_S, RESTS = 0.3, 0.4, 1.0, 1.5, 0.4
 the teacher's mean spread where they dance, most of the time; a shorter rest is not mentioned. Half of what the teacher's spread
 at the time is small and no rest: a rest is below the last share of it."""
 
-MAX_POSTURE, MAX_ELSE, ELSE_LIMB, ELSE_LIMBS = 85.0, 40.0, 70.0, 0.5
+MAX_POSTURE, MAX_ELSE, ELSE_LIMB, ELSE_LIMBS = 85.0, 40.0, 40.0, 0.5
 """A phrase of a greater posture is the teacher's; of a smaller one than the second it may be none of the dance, if at least
 this share of the limbs is below the third: one wrong limb beside one that is a little off is named instead."""
 

@@ -92,10 +92,10 @@ def test_who_never_begins_stands_still_and_is_not_late():
 
 
 def test_one_wrong_limb_beside_one_that_is_a_little_off_is_not_something_else():
-    """The right arm of a dancer whose left arm hangs may have 80 through a camera."""
+    """The right arm of a dancer whose left arm hangs has 50 to 60 in many a lesson."""
     teacher_m = dance_joints_m(1, 16.0)
     score = score_dance(performed(teacher_m), performed(CAUSES["something else"](teacher_m)))
-    for right_arm, is_else in ((60.0, True), (80.0, False)):
+    for right_arm, is_else in ((30.0, True), (50.0, False)):
         parts = {name: np.full_like(values, 100.0) for name, values in score.windows.parts.items()}
         parts["left arm"][:], parts["right arm"][:] = 1.0, right_arm
         third = feedback(score._replace(windows=score.windows._replace(parts=parts))).phrases[2]
