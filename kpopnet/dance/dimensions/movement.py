@@ -124,13 +124,13 @@ def _amplitude_and_energy(directions: np.ndarray) -> np.ndarray:
 
 
 def spread_rad(joints_m: np.ndarray, frames: int) -> np.ndarray:
-    """(T,) amplitude of all limbs together within a number of frames around each; NaN where one of them is missing."""
+    """(T, 4) amplitude of each limb within a number of frames around each; NaN where one of them is missing."""
     directions = limb_directions(joints_m).reshape(len(joints_m), -1)
     known = np.isfinite(directions).all(axis=1)
     directions[~known] = 0.0
     mean, squared = (uniform_filter1d(one, frames, axis=0) for one in (directions, directions**2))
-    spread = np.sqrt(np.maximum(squared - mean**2, 0).sum(axis=1))
-    return np.where(minimum_filter1d(known.astype(np.int8), frames) > 0, spread, np.nan)
+    spread = np.sqrt(np.maximum(squared - mean**2, 0).reshape(len(joints_m), 4, -1).sum(axis=2))
+    return np.where(minimum_filter1d(known.astype(np.int8), frames)[:, None] > 0, spread, np.nan)
 
 
 def accents_s(joints_m: np.ndarray) -> np.ndarray:

@@ -96,12 +96,18 @@ def causes(score: DanceScore, phrases_s: list[tuple[float, float]]) -> Iterator[
 def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
     """Where the learner rests and the teacher moves."""
     frames = round(SPREAD_S * FPS)
-    taught, danced = (spread_rad(joints_m, frames) for joints_m in score.compared_m)
+    limbs = [spread_rad(joints_m, frames) for joints_m in score.compared_m]
+    taught, danced = (np.linalg.norm(one, axis=1) for one in limbs)
     mean = _mean_of_dance(score, taught)
     moving = taught[: len(danced)] >= MOVING * mean
     begin = int(np.argmax(moving)) if moving.any() else 0
     still, half = danced < STILL * mean, frames // 2
     rests = still & (danced < RESTS * taught[: len(danced)])
+    # One limb that hangs is no rest where the others dance.
+    missed_most = (limbs[0][: len(danced)] ** 2 - limbs[1] ** 2).argmax(axis=1)
+    others = missed_most[:, None] != np.arange(len(LIMBS))
+    taught_others, danced_others = (np.linalg.norm(one[: len(danced)] * others, axis=1) for one in limbs)
+    rests &= danced_others < RESTS * taught_others
     for run in runs(maximum_filter1d(still.astype(np.int8), frames) > 0):
         moves = run.start + np.flatnonzero((moving & rests)[run])
         if not len(moves) or 2 * len(moves) < moves[-1] - moves[0]:

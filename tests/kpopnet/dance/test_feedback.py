@@ -102,6 +102,13 @@ def test_one_wrong_limb_beside_one_that_is_a_little_off_is_not_something_else():
         assert ("something else" in [one.direction for one in third.moments]) is is_else
 
 
+def test_who_lets_one_arm_hang_and_dances_with_the_rest_stands_still_nowhere():
+    for index in range(12):
+        teacher_m = dance_joints_m(index, 16.0)
+        learner_m = made.good(made.hanging(teacher_m, [made.ARMS["left"]]), index)
+        assert "stood still" not in {one.direction for one in told(learner_m, teacher_m=teacher_m).moments}
+
+
 def test_who_moves_half_as_far_from_the_first_moment_on_rests_nowhere():
     for index in range(4):
         teacher_m = dance_joints_m(index, 16.0)

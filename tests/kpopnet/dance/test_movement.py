@@ -151,7 +151,8 @@ def test_the_spread_around_a_frame_is_that_of_the_frames_around_it_and_unknown_b
     joints_m = swinging(right=swing(0.4, 0.5), left=swing(0.3, 0.3))
     joints_m[100, Joint.LEFT_HAND] = np.nan
     found, frames = spread_rad(joints_m, 31), np.arange(15, len(AT_S) - 15)
-    directions = limb_directions(joints_m).reshape(len(joints_m), -1)
-    expected = [np.sqrt(directions[frame - 15 : frame + 16].var(axis=0).sum()) for frame in frames]
+    directions = limb_directions(joints_m)
+    directions[100] = np.nan
+    expected = [np.sqrt(directions[frame - 15 : frame + 16].var(axis=0).sum(axis=1)) for frame in frames]
     np.testing.assert_allclose(found[frames], expected, atol=1e-6)
-    assert np.isnan(found[85:116]).all() and np.isfinite(found).sum() == len(found) - 31
+    assert np.isnan(found[85:116]).all() and np.isfinite(found[:, 0]).sum() == len(found) - 31
