@@ -167,9 +167,9 @@ class Watcher:
             for one in seen.people
         ]
         return {
-            "time_s": rounded(seen.time_s, 2), "taken_ms": rounded(1000 * (clock_s + self._done[-1]) - seen.delay_ms),
-            "delay_ms": rounded(seen.delay_ms), "dropped": self._dropped,
-            "fps": rounded((len(self._done) - 1) / seconds) if seconds > 0 else None,
+            "time_s": rounded(seen.time_s, 2), "taken_ms": rounded(1000 * (clock_s + self._done[-1]) - seen.delay_ms, 1),
+            "delay_ms": rounded(seen.delay_ms, 1), "dropped": self._dropped,
+            "fps": rounded((len(self._done) - 1) / seconds, 1) if seconds > 0 else None,
             "depth": self._depth.state, "joints": self._joints.state, "people": people,
         }  # fmt: skip
 

@@ -142,7 +142,7 @@ def try_result(score: DanceScore | None, lesson: Lesson, about: About, notes: di
     if score.mirrored:
         told = own_sides(told)
     if told["latency_s"] is not None:  # of the set-up, in real seconds like `Lesson.latency_s`
-        told["latency_s"] = rounded(told["latency_s"] / lesson.speed, 3)
+        told["latency_s"] = rounded(told["latency_s"] / lesson.speed)
     if notes["fps"] and notes["fps"] / lesson.speed < MIN_FPS:
         told["hints"] = [Said(slow, fps=f"{notes['fps']:.0f}"), *told["hints"]]
     return head | told
@@ -166,7 +166,7 @@ def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float
         "timing": rounded(score.timing),
         "posture": rounded(score.posture),
         "parts": {name: rounded(value) for name, value in score.parts.items()},
-        "coverage": {name: rounded(value, 3) for name, value in score.coverage.items()},
+        "coverage": {name: rounded(value) for name, value in score.coverage.items()},
         "phrases": [
             {"start_s": rounded(one.start_s), "end_s": rounded(one.end_s), "total": rounded(one.similarity),
              "unseen": list(one.unseen), "moments": [_moment(moment) for moment in one.moments]}
@@ -178,10 +178,10 @@ def score_result(score: DanceScore, found: Feedback, weights: Mapping[str, float
         "praise": list(found.praise),
         "stage": {name: rounded(value) for name, value in score.stage.figures.items()},
         "on_stage": [Said("{what} {when}", what=text, when=at([at_s])) for at_s, text in score.stage_remarks()],
-        "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture, windows.weight), 3),
+        "latency_s": rounded(measured_latency_s(windows.delay_s, windows.posture, windows.weight)),
         "course": {
             "time_s": _column(windows.start_s + WINDOW_S / 2), "total": _column(windows.similarity),
-            "timing": _column(windows.timing), "posture": _column(windows.posture), "delay_s": _column(windows.delay_s, 3),
+            "timing": _column(windows.timing), "posture": _column(windows.posture), "delay_s": _column(windows.delay_s),
             "parts": {name: _column(values) for name, values in windows.parts.items() if name in score.parts},
         },
     }  # fmt: skip
@@ -194,10 +194,10 @@ def _moment(moment: Moment) -> dict:
     }  # fmt: skip
 
 
-def rounded(value: float | None, digits: int = 1) -> float | None:
-    """A number for JSON; None where it is missing or not finite."""
+def rounded(value: float | None, digits: int = 3) -> float | None:
+    """A number for JSON; None where it is missing or not finite. One digit would be rounded twice: 47.46 to 48."""
     return round(float(value), digits) if value is not None and math.isfinite(value) else None
 
 
-def _column(values: np.ndarray, digits: int = 1) -> list[float | None]:
-    return [rounded(value, digits) for value in values]
+def _column(values: np.ndarray) -> list[float | None]:
+    return [rounded(value) for value in values]

@@ -65,7 +65,9 @@ def test_the_page_holds_both_movements_and_the_json_the_score(files, run, tmp_pa
     assert not re.search(r"""https?://|<link|src=|from "\.""", page) and page.count("<script") == 3
     given = on_page(tmp_path)
     assert given["found"]["name"] == "learner.npz after teacher.npz"
-    assert given["found"]["total"] == round(expected.similarity, 1) and given["found"]["hints"] == []
+    assert given["found"]["total"] == round(expected.similarity, 3) and given["found"]["hints"] == []
+    shown = [(one["start_s"], one["total"]) for one in given["found"]["phrases"]]  # which the page rounds once more
+    assert shown == [(round(one.start_s, 3), round(one.similarity, 3)) for one in told.phrases]
     assert given["found"]["faults"][0] == keyed(told.faults[0].text)
     assert [one["text"] for one in given["found"]["phrases"][1]["moments"]] == [
         keyed(one.text) for one in told.phrases[1].moments
