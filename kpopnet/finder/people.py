@@ -111,7 +111,10 @@ def _are_whole(centres: np.ndarray, weight: np.ndarray, order: np.ndarray) -> np
 
 @njit(cache=True)
 def densest(points, weights, free):
-    """The point on which most of the free votes' weight agrees, moved twice to the mean of these, and their weight."""
+    """The point on which most of the free votes' weight agrees, moved twice to the mean of these, and their weight.
+
+    Of (N, 3) float32 points, metres, (N,) weights, and (N,) bool which are free; (3,) float32, 0 where none is, and float.
+    """
     step = max(1, len(points) // SEEDS)
     x, y, z = points[::step].T.copy()
     agreed = np.zeros(len(x))
