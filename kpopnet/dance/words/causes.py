@@ -26,7 +26,8 @@ from kpopnet.skeleton import MIRROR
 STILL, MOVING, SPREAD_S, MIN_STILL_S, RESTS = 0.3, 0.4, 1.0, 1.5, 0.4
 """The learner rests where the limbs spread, within the third, less than the first, and the teacher's more than the second, of
 the teacher's mean spread where they dance, most of the time; a shorter rest is not mentioned. Half of what the teacher's spread
-at the time is small and no rest: a rest is below the last share of it."""
+at the time is small and no rest: a rest is below the last share of it, also without the limb that lacks most of it, since one
+limb that hangs is no rest where the others dance."""
 
 MAX_POSTURE, MAX_ELSE, ELSE_LIMB, ELSE_LIMBS = 85.0, 40.0, 40.0, 0.5
 """A phrase of a greater posture is the teacher's; of a smaller one than the second it may be none of the dance, if at least
@@ -103,7 +104,6 @@ def _rests(score: DanceScore, first_s: float) -> Iterator[Cause]:
     begin = int(np.argmax(moving)) if moving.any() else 0
     still, half = danced < STILL * mean, frames // 2
     rests = still & (danced < RESTS * taught[: len(danced)])
-    # One limb that hangs is no rest where the others dance.
     missed_most = (limbs[0][: len(danced)] ** 2 - limbs[1] ** 2).argmax(axis=1)
     others = missed_most[:, None] != np.arange(len(LIMBS))
     taught_others, danced_others = (np.linalg.norm(one[: len(danced)] * others, axis=1) for one in limbs)

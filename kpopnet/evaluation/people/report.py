@@ -94,7 +94,7 @@ def follower(label: str, settings: Any, extraction: Any = DEFAULT_EXTRACTION) ->
 
 @contextmanager
 def _without_advice() -> Iterator[None]:
-    """Silences what `PoseEstimator` advises where it finds nobody: rooms may be empty, and the report counts who is missed."""
+    """Silences what `PoseEstimator` advises where it finds no person: rooms may be empty; the report counts who is missed."""
     log = logging.getLogger(PoseEstimator.__module__)
     log.disabled = True
     try:
